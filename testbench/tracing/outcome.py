@@ -8,6 +8,7 @@ from testbench.tracing import verdict
 from testbench.tracing.fit.causes import AS_GOOD, MOST
 from testbench.tracing.fit.discover import lift
 from testbench.tracing.fit.evidence import log_prior
+from testbench.tracing.fit.heldout import REFUSED
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.rivals import CLEAR
 from testbench.tracing.fit.search import credible, inclusion
@@ -142,7 +143,7 @@ def condition_table(fit):
 def unexplained(tracer, out):
     """What is known about a misfit that no set of laws covers."""
     last = tracer.fits["after"]
-    alarms = tracer.alarm(last, tracer.rankings(last))
+    alarms = tracer.alarm(last, tracer.rankings(last), REFUSED)
     test = alarms.refined or alarms.declared
     worst = max(condition_table(last)["cells"], key=lambda c: (c["chi2"] - 1) * np.sqrt(c["rows"]))
     steps = []

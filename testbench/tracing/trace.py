@@ -38,7 +38,7 @@ class Options:
 
     alpha   chance of a false alarm on a clean record, by fitted and held-out data together (docs/tracing.md)
     looks   how many traces like this one the caller makes; it widens every p
-    n_null  null draws of an alarm; more where alpha asks for them
+    n_null  null draws of an alarm; more where its level asks for them
     """
 
     alpha: float = 0.002
@@ -119,8 +119,11 @@ class Tracer:
         """True if the repeats contradict the declared noise."""
         return self.noise.p < verdict.LEVEL
 
-    def alarm(self, fit, rankings, alpha=verdict.LEVEL):
-        """Alarms at a fit. In a refined space the declared noise is the refined one, the octaves' uncertainty stays."""
+    def alarm(self, fit, rankings, alpha):
+        """Alarms at a fit, with draws for a level.
+
+        In a refined space the declared noise is the refined one, the octaves' uncertainty stays.
+        """
         wanted = max(self.options.n_null, int(np.ceil(RANKS / alpha)) - 1)
         draws = max(FEWEST_DRAWS, min(wanted, ROWS_OF_DRAWS // max(self.space.size, 1)))
         return alarms(self.store, fit, rankings, self.known_noise(), draws, self.options.seed)
@@ -132,7 +135,7 @@ class Tracer:
     def adequate(self, fit):
         """Alarms again with the effects added, and the held-out test."""
         self.say(f"checking {' + '.join(fit.model.names)}")
-        found = self.alarm(fit, self.rankings(fit))
+        found = self.alarm(fit, self.rankings(fit), heldout.REFUSED)
         p = verdict.correct_p(found.p_deterministic, self.options.looks)
         ok, why = self.passes(fit)
         return bool(ok and p >= heldout.REFUSED), {"p": p} | why

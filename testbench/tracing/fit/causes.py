@@ -14,7 +14,7 @@ import numpy as np
 from testbench.tracing.fit.evidence import linear_sets
 from testbench.tracing.fit.search import WORTH
 
-AS_GOOD = 2 * WORTH  # chi2 that odds of 20 are worth
+AS_GOOD = 2 * WORTH  # chi2 at which laws of one prior differ by odds of 20
 ODDS = 50.0  # so that the truth is left out of 2 % of classes at most
 MOST = 5  # members; a larger class explains nothing
 TRIED = 200  # refits

@@ -193,6 +193,16 @@ def test_columns_of_held_out_conditions_are_made_by_themselves(bank):
     assert problem.column(name, "nothing") == {}
 
 
+def test_a_first_step_far_beyond_what_the_plant_bears_is_shortened_until_it_runs(monkeypatch):
+    name = "force_y: y^3"
+    problem = loop_trials.Bank(FEW_CONDITIONS, priors=FEW_PRIORS, only=(name,)).blank()
+    first = problem.tangents._first_step(name)
+    monkeypatch.setattr(problem.tangents, "_first_step", lambda name: 1e7 * first)
+    column = problem.column(name)
+    assert all(np.isfinite(v).all() for v in column.values())
+    assert problem.tangents._size(column) * problem.tangents.steps[name] > loop_tangents.SEEN
+
+
 @pytest.mark.slow
 def test_a_law_that_the_data_do_not_see_changes_no_bit_of_a_prediction(whole_blank):
     """Sums are in one order, whatever is named beside: their rounding was taken for the signature of such a law."""

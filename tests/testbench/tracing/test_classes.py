@@ -129,6 +129,20 @@ def test_a_class_that_may_be_incomplete_is_not_named(monkeypatch):
     assert not result.causes
 
 
+@pytest.mark.parametrize(("odds", "inside"), [(49.0, True), (51.0, False)])
+def test_a_rival_far_off_in_chi2_is_of_the_class_below_odds_of_50(odds, inside, monkeypatch):
+    tracer = Tracer(Toy(8, {"duffing": 0.0047 * 30}), QUICK, None, None)
+    assert tracer.run().verdict == "named"
+    work, best, rival = tracer.work, tracer.found.best, ("quintic",)
+    own = work.candidates[rival]
+    assert own.fit.cost - tracer.found.fit(best).cost > causes.AS_GOOD
+    log_z = own.log_z + work.score(best) - work.score(rival) - np.log(odds)
+    monkeypatch.setitem(work.candidates, rival, own._replace(log_z=log_z))
+    monkeypatch.setattr(causes, "near", lambda *args: [rival])
+    found, _ = causes.class_of(work, tracer.pool, best, lambda fit: True)
+    assert (rival in [c.names for c in found]) == inside
+
+
 def test_a_set_that_held_out_data_have_chosen_is_not_named(monkeypatch):
     """The search is made to end at a wrong law; fitted and held-out data together choose the right one."""
     plain = Search.run
