@@ -31,6 +31,7 @@ DRAWS = 24  # power-ons of each condition for N
 SEED = 4 * 10**12  # of all runs here: no record has it
 WANTED, LEAST, MOST = 400.0, 120.0, 1500.0  # sigmas of a change that is measured
 PASSES, GROWTH = 5, 100.0  # at most, and of the size from one to the next
+ALIKE = 0.5  # cosine of an effect's column from both sides of zero, below which it is none; priors hold a weak nuisance
 SEEN = 0.02  # of a change, which the nuisances must leave: less is not measured well enough
 
 
@@ -112,8 +113,11 @@ class Bank:
         rows = [solve_triangular(chol, v, lower=True) for chol, v in zip(self.chol, change)]
         return np.sqrt(self.strata.plan["repeats"]) * np.concatenate(rows)
 
-    def _measured(self, name, run, first):
-        """`Unit` of something: `run(size)` gives features; the size is sought. NaN where no size locks."""
+    def _measured(self, name, run, first, alike=-1.0):
+        """`Unit` of something: `run(size)` gives features; the size is sought.
+
+        NaN where no size locks, or where both sides of zero have a cosine below `alike`.
+        """
 
         def seek():
             size, best = first, np.full((len(self.conditions) + 1, self.count), np.nan)
@@ -145,22 +149,30 @@ class Bank:
                 half = (run(size / 2)[:, 0] - self.base) / (size / 2)
                 return 4 * half - 3 * change
 
-        # half the difference of both sides has no term of the second order
         if np.isfinite(size):
-            change = (change + self._kept(f"other side {name}", back)) / 2
+            change = self._common(change, self._kept(f"other side {name}", back), alike)
         return Unit(change, size)
+
+    def _common(self, one, other, alike):
+        """Mean of a column from both sides of zero, which has no term of the second order; NaN if they are not alike.
+
+        Then most of it is of the second order, or noise of another way to lock.
+        """
+        a, b = self.whitened(one), self.whitened(other)
+        same = a @ b >= alike * np.linalg.norm(a) * np.linalg.norm(b)
+        return (one + other) / 2 if same else np.full_like(one, np.nan)
 
     def has(self, effect):
         """True if the column of an effect is in its file."""
         return self._path(_told(effect)).exists()
 
     def effect(self, effect):
-        """`Unit` of an effect; not finite where no size could be measured."""
+        """`Unit` of an effect; not finite where no size could be measured, or where both sides are not alike."""
 
         def run(size):
             return self._run(effect.values(size, {}), effect.lines(size), 1)
 
-        return self._measured(_told(effect), run, (effect.sign or 1) * effect.first)
+        return self._measured(_told(effect), run, (effect.sign or 1) * effect.first, ALIKE)
 
     def nuisance(self, key):
         """`Unit` of a parameter of the priors."""

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,6 +47,15 @@ def test_the_texts_of_the_catalogue_are_the_laws_of_its_pages(name):
 def test_an_effect_of_the_grammar_is_no_effect_from_outside():
     with pytest.raises(ConfigError, match=r"outside\.leak = cv_y = \{\} cx is a law"):
         effects.outside({"leak": ["law cv_y = {} cx", 1.0]})
+
+
+@pytest.mark.parametrize(("degrees", "measured"), [(0, True), (59, True), (61, False), (90, False), (180, False)])
+def test_a_column_is_what_both_sides_of_zero_have_in_common(degrees, measured):
+    """One side alone may be noise of another way to lock; an effect of the second order has opposite sides."""
+    turned = np.deg2rad(degrees)
+    one, other = np.array([[2.0, 0.0]]), 3 * np.array([[np.cos(turned), np.sin(turned)]])
+    found = bank.Bank._common(SimpleNamespace(whitened=np.ravel), one, other, bank.ALIKE)
+    assert found == pytest.approx((one + other) / 2 if measured else np.full((1, 2), np.nan), nan_ok=True)
 
 
 class Given:
