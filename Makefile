@@ -42,7 +42,7 @@ measured: $(VENV)/.run ## real recordings of parts against the model: one page, 
 	$(BIN)/python -m testbench.measured.sets_report --out build $(if $(SETS),--only $(SETS))
 
 sealed: $(VENV)/.test ## sealed records of a second plant, 300 traces, hours; goes on where it was; MINUTES=20 for a part
-	$(BIN)/python -m tests.sealed run --out $(OUT)/sealed --threads 2 $(if $(MINUTES),--minutes $(MINUTES))
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.sealed run --out $(OUT)/sealed --threads 2 $(if $(MINUTES),--minutes $(MINUTES))
 
 paper: $(VENV)/.run ## the paper's experiments: calibration, five cases at three temperatures, one page; continues when started again
 	$(BIN)/gyro report paper --out $(OUT)/paper

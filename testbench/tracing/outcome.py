@@ -27,15 +27,19 @@ def effects(fit, probability, same):
 
     same  {law that was not tried: the law that it is, in other parameters}
     """
-    n, out = len(fit.point.theta), []
+    n, out, told = len(fit.point.theta), [], _told_sd(fit)
     for i, law in enumerate(fit.model.laws):
-        sd, c = float(fit.sd[n + i]), float(fit.point.c[i])
+        sd, c = float(told[n + i]), float(fit.point.c[i])
         out.append(
             {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": abs(c) / sd}
             | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name)}
             | {"same_as": sorted(name for name, first in same.items() if first == law.name)}
         )
     return out
+
+
+def _told_sd(fit):
+    return np.sqrt(np.diag(fit.told))
 
 
 def ranking_rows(tracer):
@@ -231,7 +235,7 @@ def result(tracer, decision):
     out.nuisances = [
         {"name": n.name, "unit": n.unit, "prior": n.value, "prior_sd": n.prior_sd}
         | {"before": float(b), "after": float(x), "sd_before": float(d), "sd": float(s)}
-        for n, b, d, x, s in zip(problem.nuisances, base.point.theta, base.sd, last.point.theta, last.sd)
+        for n, b, d, x, s in zip(problem.nuisances, base.point.theta, _told_sd(base), last.point.theta, _told_sd(last))
     ]
     out.null = dict(tracer.power)
     out.power_d90 = out.null.pop("d90", {})

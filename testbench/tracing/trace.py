@@ -288,6 +288,7 @@ class Tracer:
             self.ranked = self.rankings(self.base.fit)
             self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
         self.p = verdict.correct_p(self.alarms.p_deterministic, self.options.looks)
+        self.notes += verdict.strayed(self.base.fit) if self.p < self.alpha else []
         return self.p < self.alpha
 
     def conclude(self):

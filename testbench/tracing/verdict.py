@@ -17,6 +17,7 @@ import numpy as np
 from testbench.tracing.fit.causes import MOST
 from testbench.tracing.fit.identify import unseen
 from testbench.tracing.fit.rank import Projection
+from testbench.tracing.noise.statistics import MOVED
 
 LEVEL = 0.01  # of the tests of noise; that of alarms is `Options.alpha`, of an explanation `heldout.REFUSED`
 LEAST_HELD = 1.0  # ln odds by held-out data alone, for a name
@@ -24,6 +25,7 @@ LEAST_FREE_D = 3.0
 MINOR = 0.1  # of the largest d of a set, below which a law beside it is no cause
 MOST_IMITATED = 0.02  # of the laws left out that sets as large may imitate: the share of names that may be false
 MOST_NUMERICAL = 0.5  # sigmas, of the analysis engine against the exact one
+FAR = 4.0  # sds of a nuisance's way from its prior, from which an alarm tells it
 
 
 class Decision(NamedTuple):
@@ -59,6 +61,17 @@ def free_d(fit, identifiability):
             below = np.concatenate([below, np.zeros((len(below), loose.shape[1]))], axis=1)
         s = fit.jacobian[:, n + i : n + i + 1]
         out[law.name] = float(np.linalg.norm(Projection(others, below).full(s)) * abs(fit.point.c[i]))
+    return out
+
+
+def strayed(fit):
+    """Notes on nuisances that the data have moved by more than FAR of the deviations that noise and prior allow."""
+    out, moved = [], np.abs(fit.model.prior_rows(fit.point))
+    allowed = np.sqrt(np.maximum(1 - (fit.sd / fit.model.sd)[fit.model.priors] ** 2, MOVED**2))
+    for j in fit.model.priors[moved > FAR * allowed]:
+        nuisance, value = fit.model.problem.nuisances[j], fit.point.theta[j]
+        away = abs(value - nuisance.value) / nuisance.prior_sd
+        out.append(f"{nuisance.name} = {value:.8g} {nuisance.unit}: {away:.3g} sds of its prior away from it")
     return out
 
 

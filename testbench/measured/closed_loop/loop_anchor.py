@@ -270,7 +270,7 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
     def unidentifiable(self, fit):
         keys, n = [p.key for p in self.parameters], len(self.parameters)
         values = [p.at(t) for p, t in zip(self.parameters, fit.point.theta)]
-        return loop_symmetries.lines(keys, values, fit.covariance[:n, :n]) if self.starts else ()
+        return loop_symmetries.lines(keys, values, fit.told[:n, :n]) if self.starts else ()
 
     def beyond(self, theta):
         keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.within(t) != t)

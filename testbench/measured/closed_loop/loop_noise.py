@@ -5,7 +5,9 @@
     R        of its correlations: OWN R_own + (1 - OWN) R_pooled, since edges slip otherwise in each condition
     level    one factor, so that the draws have unit variance in their own noise: R does not give them that
     gain     data are not among the draws that made the noise, and larger by 1 / gain
-Source    docs/measured.md
+    along    mean square of draws left out along the laws, in units of that over all directions: weights by R favour
+             directions where R is too small by chance, so estimates scatter more than it says
+Source    Dodelson & Schneider, Phys. Rev. D 88 (2013); docs/measured.md
 """
 
 from typing import NamedTuple
@@ -69,18 +71,22 @@ def noise_of(draws, moved_hz=JITTER):
     return {name: n._replace(chol=level * n.chol) for name, n in out.items()}
 
 
+def left_out(draws):
+    """FOLDS times: {condition: Noise} without some draws, {condition: (n, features)} of those less the others' mean."""
+    count = len(next(iter(draws.values()))[0])
+    for fold in range(FOLDS):
+        out = np.arange(count) % FOLDS == fold
+        kept = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
+        size = np.sqrt(1 + 1 / np.sum(~out))
+        yield noise_of(kept, JITTER[~out]), {k: (v[out] - v[~out].mean(axis=0)) / size for k, (v, _) in draws.items()}
+
+
 def gain_of(draws):
     """Factor on whitened data that makes them as large as the draws are which the noise is made of.
 
     Those are inside their own covariance, data are not: 1 over the rms of draws left out, FOLDS times.
     """
-    count, left = len(next(iter(draws.values()))[0]), []
-    for fold in range(FOLDS):
-        out = np.arange(count) % FOLDS == fold
-        kept = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
-        apart = {k: rows[out] - rows[~out].mean(axis=0) for k, (rows, _) in draws.items()}
-        left.append(_mean_square(noise_of(kept, JITTER[~out]), apart) / (1 + 1 / np.sum(~out)))
-    return float(1 / np.sqrt(np.mean(left)))
+    return float(1 / np.sqrt(np.mean([_mean_square(noise, apart) for noise, apart in left_out(draws)])))
 
 
 def deviations(rows):

@@ -12,6 +12,7 @@ and the linear model agree there.
 Source    docs/measured.md, docs/tracing.md
 """
 
+import copy
 import re
 from types import MappingProxyType
 from typing import NamedTuple
@@ -22,7 +23,7 @@ from scipy.linalg import solve_triangular
 from testbench.config import law_file
 from testbench.measured.closed_loop import loop_runs, loop_spectra
 from testbench.measured.closed_loop.loop_anchor import LOOK, AnchoredLoop
-from testbench.measured.closed_loop.loop_noise import NOISE_DRAWS, deviations, gain_of, noise_of
+from testbench.measured.closed_loop.loop_noise import NOISE_DRAWS, deviations, gain_of, left_out, noise_of
 from testbench.measured.closed_loop.loop_offers import Offered, shadowed
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
@@ -101,6 +102,7 @@ class LoopProblem(AnchoredLoop):
         for names in (self.nuisances, self.laws):
             self.tangents.make(self.tangents.own([item.name for item in names]))
         self.tangent = self.tangents.matrix("fit") | self.tangents.matrix("validate")
+        self.noise_along = self._along(fitted)
         if any(np.any(v) for v in measured.values.values()):
             self.settle()
 
@@ -127,6 +129,14 @@ class LoopProblem(AnchoredLoop):
         group = self.segments[k].group
         rows = deviations(self._begun[group][:, : self._sizes[group]])
         return (rng.choice((-1.0, 1.0), size=(count, 1)) * rows[rng.integers(len(rows), size=count)]).T
+
+    def _along(self, draws):
+        """Mean square of draws left out along the laws, in units of that of all their rows: loop_noise."""
+        other, out = copy.copy(self), []
+        for other._noise, apart in left_out(draws):
+            one = {g: v.T / np.sqrt(len(self.recorded.values[g])) for g, v in apart.items()}
+            out.append(np.mean(other.pseudo(one) ** 2) / np.mean(other.fitted(one) ** 2))
+        return float(np.mean(out))
 
     def floor(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]

@@ -45,6 +45,20 @@ class Fit(NamedTuple):
     def sd(self):
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def told(self):
+        """Covariance for intervals: that of the fit, if along what is fitted the rows have a variance s^2.
+
+            s^2 = a max(1, z' z / (rows - tr(C J' J)))      C + (s^2 - 1) C J' J C
+        Repeats may share what the model does not have, then their mean is not as good as their scatter says.
+        a  `noise_along` of the problem: weights by an estimated covariance favour directions where it is too small
+        """
+        if not np.all(np.isfinite(self.covariance)):
+            return self.covariance
+        seen = self.covariance @ (self.jacobian.T @ self.jacobian)
+        scatter = self.z @ self.z / max(len(self.z) - np.trace(seen), 1.0)
+        return self.covariance + (self.model.problem.noise_along * max(scatter, 1.0) - 1.0) * seen @ self.covariance
+
 
 class Solver(NamedTuple):
     """The linear problem at a point, reduced by QR: columns scaled to unit length."""

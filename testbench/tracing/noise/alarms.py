@@ -75,7 +75,7 @@ def null_statistics(looks, projection, draw, draws, rng):
     found = []
     for count in batches(draws, projection.rows):
         prior = rng.normal(size=(projection.priors, count))
-        found.append(looks.evaluate(projection(draw(count), prior)))
+        found.append(looks.evaluate(projection.full(draw(count), prior)))
     return np.concatenate(found, axis=1)
 
 
@@ -94,9 +94,9 @@ def rotation_test(space, rankings, fit, draws, rng):
         label: rank(fit, r.names, np.where(mask[:, None], space.declared(r.signatures), 0.0), inside, z)
         for label, r in rankings.items()
     }
-    looks = Statistics(space, own, laws, groups)
+    looks = Statistics(space, own, laws, inside, groups)
     left = inside.full(z[:, None], prior_z(fit)[:, None])[:, 0]
-    observed = looks.evaluate(left[: space.size, None])[:, 0]
+    observed = looks.evaluate(left[:, None])[:, 0]
     found = []
     for count in batches(draws, space.size):
         copy, mixed = np.zeros((space.size, count)), np.zeros((space.size, count))
@@ -113,7 +113,7 @@ def rotation_test(space, rankings, fit, draws, rng):
         for g in groups:
             span, turn = space.groups[g].rows, turns[g]
             mixed[span] = turn[0] * mean[span] + space.contrasts[g].T @ turn[1:]
-        found.append(looks.evaluate(inside(mixed, rng.normal(size=(inside.priors, count)))))
+        found.append(looks.evaluate(inside.full(mixed, rng.normal(size=(inside.priors, count)))))
     return _test(looks, observed, np.concatenate(found, axis=1))
 
 
@@ -122,7 +122,7 @@ def refined_view(fit, rankings, noise):
     again = noise.whitener(fit.model.space)
     z, projection = again(fit.z), Projection(again(fit.jacobian), fit.model.prior_columns())
     own = {label: rank(fit, r.names, again(r.signatures), projection, z) for label, r in rankings.items()}
-    return projection, z, Statistics(fit.model.space, own, all_laws(fit.model.problem)), own
+    return projection, z, Statistics(fit.model.space, own, all_laws(fit.model.problem), projection), own
 
 
 def alarms(store, fit, rankings, noise, draws, seed):
@@ -133,12 +133,13 @@ def alarms(store, fit, rankings, noise, draws, seed):
     space, prior = fit.model.space, prior_z(fit)[:, None]
     rng = np.random.default_rng([seed, 3])
     projection = Projection(fit.jacobian, fit.model.prior_columns())
-    views = [(projection, fit.z, Statistics(space, rankings, all_laws(fit.model.problem)), declared_draws)]
+    looks = Statistics(space, rankings, all_laws(fit.model.problem), projection)
+    views = [(projection, fit.z, looks, declared_draws)]
     if noise.octaves:
         views.append((*refined_view(fit, rankings, noise)[:3], noise.draws))
 
     def against_null(inner, z, looks, draw):
-        observed = looks.evaluate(inner(z[:, None], prior))[:, 0]
+        observed = looks.evaluate(inner.full(z[:, None], prior))[:, 0]
         null = null_statistics(looks, inner, lambda count: draw(space, count, rng), draws, rng)
         return _test(looks, observed, null), null
 

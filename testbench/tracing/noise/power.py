@@ -58,7 +58,7 @@ class Power:
 
     def _projected(self, noise):
         """TRIALS draws as a fit leaves them, priors drawn too."""
-        return self.projection(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
+        return self.projection.full(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
 
     def smallest(self):
         """{law: {d, value, unit}}: effects that this record would have shown with 90 %."""
@@ -72,7 +72,7 @@ class Power:
                 if length == 0 or null is None:
                     out[name] = {"d": None, "value": None, "unit": law.unit, "why": "not seen by these data"}
                     continue
-                spread = max(1.0, float(np.std(ranking.signatures[:, i] @ draws / length)))
+                spread = max(1.0, float(np.std(ranking.signatures[:, i] @ draws[: self.space.size] / length)))
                 d = _statistic_at(null, self.crit) + Z90 * spread
                 value = d / length
                 out[name] = {"d": float(value * base.length[i]), "value": float(value), "unit": law.unit}
@@ -111,7 +111,7 @@ class Power:
         known = noises.study([space], self.rng, judge=False)
         projection, _, looks, _ = refined_view(fit, self.rankings, known)
         prior = self.rng.normal(size=(projection.priors, 1))
-        left = projection(known.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
+        left = projection.full(known.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
         return float(smallest_p(self.alarms.reference, looks.evaluate(left))[0])
 
 

@@ -1,9 +1,9 @@
-"""The statistics of the alarms, on projected whitened residuals; all draws at once.
+"""The statistics of the alarms, on projected whitened residuals with those of the priors below; all draws at once.
 
     chi2                total                           catalogue, library  largest |t| (one-sided for laws with a sign)
     group, observable   largest (chi2 - n) / sqrt(2n)   whiteness           lag products 1 .. 4 of e and of e^2 - 1
     condition           score against a condition       cusum               largest Brownian bridge of any block
-    line                largest periodogram ordinate
+    line                largest periodogram ordinate    prior       largest pull of a nuisance from its prior, in sd
 Each becomes a p by its rank among null draws, with an exponential tail where ranks end; the smallest p of all becomes
 one by its own rank: that is the look-elsewhere correction.
 Source    Westfall & Young, Resampling-Based Multiple Testing (1993); Ljung (1999), ch. 16; docs/tracing.md
@@ -16,15 +16,19 @@ from testbench.tracing.noise.stacks import stacks
 
 LAGS = 4
 SHORT, LINES = 8, 16  # rows that a CUSUM and a periodogram need
+MOVED = 1e-4  # share of its sd by which data must move a nuisance, or its pull is rounding
 TAIL = 0.95, 0.995  # of null draws: far enough for sums of products, whose tail is the longest
 
 
 class Statistics:
     """Statistics of a space (or some of its groups), with the signatures of laws at hand."""
 
-    def __init__(self, space, rankings, laws, groups=None):
-        """rankings: {"catalogue": Ranking, "library": Ranking}; laws: {name: Law}."""
+    def __init__(self, space, rankings, laws, projection, groups=None):
+        """rankings: {"catalogue": Ranking, "library": Ranking}; laws: {name: Law}; projection: `rank.Projection`."""
         self.space, self.parts = space, stacks(space, groups)
+        spread = np.sqrt(np.maximum(1 - np.sum(projection.q[projection.rows :] ** 2, axis=1), 0.0))
+        self.pulled = np.flatnonzero(spread > MOVED)
+        self.spread = spread[self.pulled, None]
         self.chosen = [g for g in range(len(space.groups)) if groups is None or g in groups]
         self.scores = {}
         for label, ranking in rankings.items():
@@ -45,6 +49,7 @@ class Statistics:
         self.names += ["condition"] if len(self.drivers) else []
         self.names += ["cusum"] if max(lengths, default=0) >= SHORT else []
         self.names += ["line"] if max(lengths, default=0) >= LINES else []
+        self.names += ["prior"] if len(self.pulled) else []
 
     def _drivers(self):
         """Unit vectors over the chosen groups: each numeric condition and its magnitude, less their means."""
@@ -61,7 +66,8 @@ class Statistics:
         return np.array(out)
 
     def evaluate(self, e):
-        """(statistics, draws) of projected residuals (rows, draws)."""
+        """(statistics, draws) of projected residuals (rows and priors, draws)."""
+        e, below = e[: self.space.size], e[self.space.size :]
         square = e * e
         out = [square.sum(axis=0)]
         for u, sign in self.scores.values():
@@ -78,6 +84,8 @@ class Statistics:
             if name in self.names:
                 found = [measure(e[stack.rows]) for stack in self.parts if stack.rows.shape[1] >= least]
                 out.append(np.max(found, axis=0))
+        if "prior" in self.names:
+            out.append(np.max(np.abs(below[self.pulled]) / self.spread, axis=0))
         return np.array(out)
 
     def _whiteness(self, e, square):

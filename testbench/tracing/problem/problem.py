@@ -100,6 +100,7 @@ class Problem:
 
     linear_in, library, library_late = frozenset(), (), False
     noise_gain = noise_estimated_from = None
+    noise_along = 1.0  # variance of whitened noise along what is fitted, in units of that over all directions
     noise_from_repeats, prediction_noise = False, 0.0
     heldout_by, heldout_view, heldout_independent = "observable", None, True
     firmware = firmware_certificate = numerical_certificate = None

@@ -80,6 +80,22 @@ def test_pulls_have_unit_width():
     assert 0.8 < np.std(pulls) < 1.2  # 125 pulls: 0.063 a sigma
 
 
+@pytest.mark.parametrize(("shared", "narrow"), [(0.0, 1.0), (1.0, 1.7)])
+def test_intervals_know_of_what_repeats_share(shared, narrow):
+    off = []
+    for seed in range(40):
+        problem, rng = Toy(seed, {"duffing": 0.3}), np.random.default_rng([seed, 7])
+        common = {s.group: np.sqrt(shared) * problem.noise_draw(0, rng) for s in problem.segments}
+        problem._y = [y + common[s.group] for y, s in zip(problem._y, problem.segments)]
+        asked = Model(Space(problem, "fit"), Predictor(problem), ("duffing",))
+        fit = calibrate.fit(asked, asked.start())
+        off.append((fit.point.c[0] - 0.3) / np.sqrt([fit.covariance[-1, -1], fit.told[-1, -1]]))
+    # repeats' own and shared variance are alike: their mean has 1.5 of it, their scatter says 0.5
+    fitted, told = np.std(off, axis=0)
+    assert fitted == pytest.approx(narrow, rel=0.25)  # 40 pulls: 0.11 a sigma
+    assert 0.75 < told < 1.25
+
+
 def test_a_fit_that_stops_early_is_not_certified_and_nothing_is_named(monkeypatch):
     monkeypatch.setattr(calibrate, "MOST_ITERATIONS", 0)
     result = trace(Toy(5, {"feed": 0.4}), Options(n_null=299, power=False, experiments=False))

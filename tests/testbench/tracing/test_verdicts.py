@@ -80,12 +80,30 @@ def test_alpha_follows_from_the_rates_that_are_promised():
     assert binom.cdf(1, 100, alpha) >= 0.98 > binom.cdf(1, 100, 1.1 * alpha)
     missed = 0.0068
     assert binom.cdf(2, 120, missed) >= 0.95 > binom.cdf(2, 120, 1.1 * missed)
-    # nine statistics, and 170 laws that are looked at one by one, by Bonferroni; half of alpha is that of held-out data
-    threshold = norm.isf(alpha / 2 / 9 / 170 / 2)
+    # ten statistics, and 170 laws that are looked at one by one, by Bonferroni; half of alpha is that of held-out data
+    threshold = norm.isf(alpha / 2 / 10 / 170 / 2)
     assert round(threshold, 1) == 5.0, "docs/tracing.md, Alarms"
     assert norm.sf(8 - threshold) < missed / 5
     found = trace(Toy(7), Options(experiments=False)).power_d90.values()
     assert max(row["d"] for row in found) - norm.isf(0.1) + norm.isf(missed) < 8
+
+
+@pytest.mark.parametrize("sds", [0.0, 8.0])
+def test_a_calibrated_parameter_far_from_its_prior_is_no_record_without_a_misfit(sds):
+    """What acts as a nuisance does is fitted by it, and leaves nothing in the rows."""
+    problem = Toy(7)
+    *others, zro = problem.nuisances
+    problem.nuisances = (*others, zro._replace(value=problem.theta[-1] - sds * zro.prior_sd))
+    result = trace(problem, QUICK)
+    told = [note for note in result.notes if "of its prior away from it" in note]
+    if not sds:
+        assert (result.verdict, told) == ("none", [])
+    else:
+        assert result.verdict == "unexplained"
+        assert result.unexplained["loudest_statistic"] == "prior"
+        (note,) = told
+        assert note.startswith("zro = ")
+        assert float(note.split(": ")[1].split()[0]) == pytest.approx(sds, abs=0.3)
 
 
 class Unsupported(Toy):
