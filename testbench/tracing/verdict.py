@@ -66,12 +66,13 @@ def free_d(fit, identifiability):
 
 def strayed(fit):
     """Notes on nuisances that the data have moved by more than FAR of the deviations that noise and prior allow."""
-    out, moved = [], np.abs(fit.model.prior_rows(fit.point))
-    allowed = np.sqrt(np.maximum(1 - (fit.sd / fit.model.sd)[fit.model.priors] ** 2, MOVED**2))
-    for j in fit.model.priors[moved > FAR * allowed]:
+    out, known, moved = [], fit.model.priors, np.abs(fit.model.prior_rows(fit.point))
+    allowed = np.sqrt(np.maximum(1 - (fit.sd[known] / fit.model.sd[known]) ** 2, MOVED**2))
+    for j in known[moved > FAR * allowed]:
         nuisance, value = fit.model.problem.nuisances[j], fit.point.theta[j]
+        unit = nuisance.unit if nuisance.unit != "1" else ""
         away = abs(value - nuisance.value) / nuisance.prior_sd
-        out.append(f"{nuisance.name} = {value:.8g} {nuisance.unit}: {away:.3g} sds of its prior away from it")
+        out.append(f"{f'{nuisance.name} = {value:.8g} {unit}'.strip()}: {away:.3g} sds of its prior away from it")
     return out
 
 

@@ -102,7 +102,7 @@ class LoopProblem(AnchoredLoop):
         for names in (self.nuisances, self.laws):
             self.tangents.make(self.tangents.own([item.name for item in names]))
         self.tangent = self.tangents.matrix("fit") | self.tangents.matrix("validate")
-        self.noise_along = self._along(fitted)
+        self.noise_along = self._along(fitted) if self.laws else 1.0
         if any(np.any(v) for v in measured.values.values()):
             self.settle()
 

@@ -34,6 +34,9 @@ class Projection:
         whole = np.concatenate([v, below])
         return whole - self.q @ (self.q.T @ whole)
 
+    def __call__(self, v, prior=None):
+        return self.full(v, prior)[: self.rows]
+
 
 class Ranking(NamedTuple):
     """Scores of laws at a fit, in the order of `names`."""

@@ -154,7 +154,9 @@ def alarms(store, fit, rankings, noise, draws, seed):
 
     arrays = [part for r in rankings.values() for part in (r.signatures, r.length)]
     octaves = [list(o) for o in noise.octaves]
-    key = digest("alarms", draws, seed, octaves, fit.z, fit.jacobian, prior_z(fit), *arrays, fit.model.problem.hashes)
+    key = digest(
+        "alarms, priors too", draws, seed, octaves, fit.z, fit.jacobian, prior_z(fit), *arrays, fit.model.problem.hashes
+    )
     known = store.stage(key, compute)
     tests = [None if t is None else Test(**t) for t in known["tests"]]
     return Alarms(*tests, known["p"], not noise.octaves, np.array(known["reference"]), views[-1][2])

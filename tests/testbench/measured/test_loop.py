@@ -3,6 +3,7 @@
 Two conditions, two nuisances and a few laws prove what twelve trials on the whole bank (marked slow) prove again.
 """
 
+import copy
 import json
 import os
 import tomllib
@@ -23,7 +24,15 @@ from testbench.config import law_file
 from testbench.engines import baseband, engine
 from testbench.errors import ConfigError
 from testbench.golden.bundles import bundle, effect
-from testbench.measured.closed_loop import loop_anchor, loop_laws, loop_noise, loop_runs, loop_tangents, loop_trace
+from testbench.measured.closed_loop import (
+    loop_anchor,
+    loop_laws,
+    loop_noise,
+    loop_problem,
+    loop_runs,
+    loop_tangents,
+    loop_trace,
+)
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.run import build, simulate
 from testbench.run.simulation import Simulation
@@ -330,6 +339,22 @@ def test_a_board_that_loses_its_lock_is_drawn_again(monkeypatch, lost, board):
     seeds.clear()
     with pytest.raises(ConfigError):
         loop_trials.trial(_Bank(), None, "none", 7)
+
+
+@pytest.mark.slow
+def test_fresh_draws_scatter_along_the_laws_as_draws_left_out_do(whole_blank, monkeypatch):
+    fresh = copy.copy(whole_blank)
+    fresh.kept = loop_problem.Kept()
+    monkeypatch.setattr(loop_anchor, "FIRST_DRAW", 2 * loop_anchor.FIRST_DRAW)
+    rows = fresh._draws(loop_noise.NOISE_DRAWS, power_on=True)
+    fitted = {c.id: loop_runs.size(c) for c in whole_blank.recorded.conditions if c.role == "fit"}
+    one = {
+        g: loop_noise.deviations(rows[g][:, :size]).T / np.sqrt(len(whole_blank.recorded.values[g]))
+        for g, size in fitted.items()
+    }
+    along = np.mean(whole_blank.pseudo(one) ** 2) / np.mean(whole_blank.fitted(one) ** 2)
+    assert along == pytest.approx(whole_blank.noise_along, rel=0.2)
+    assert along > 1.1
 
 
 @pytest.fixture(scope="module", params=["two", pytest.param("twelve", marks=pytest.mark.slow)])

@@ -222,7 +222,7 @@ def test_the_rotation_alarm_keeps_its_level_under_any_noise_colour():
     low, trials = 0, 120
     for _ in range(trials):
         prior = rng.normal(size=(projection.priors, 1))
-        z = projection.full((ramp * rng.normal(size=space.size))[:, None], prior)[: space.size, 0]
+        z = projection((ramp * rng.normal(size=space.size))[:, None], prior)[:, 0]
         space.contrasts = [(ramp[g.rows] * rng.normal(size=g.rows.stop - g.rows.start))[None] for g in space.groups]
         again = fit._replace(z=z, point=fit.model.start())
         test = alarms.rotation_test(space, laws, again, 99, rng)
