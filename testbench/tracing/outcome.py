@@ -25,13 +25,14 @@ MISFIT = 25.0  # of chi2, from which a single law is told although it is against
 def effects(fit, probability, same):
     """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part.
 
+    sd is for intervals; d is in units of the fit's own noise, as limits and alarms are
     same  {law that was not tried: the law that it is, in other parameters}
     """
     n, out, told = len(fit.point.theta), [], _told_sd(fit)
     for i, law in enumerate(fit.model.laws):
-        sd, c = float(told[n + i]), float(fit.point.c[i])
+        sd, d, c = float(told[n + i]), float(abs(fit.point.c[i]) / fit.sd[n + i]), float(fit.point.c[i])
         out.append(
-            {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": abs(c) / sd}
+            {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": d}
             | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name)}
             | {"same_as": sorted(name for name, first in same.items() if first == law.name)}
         )
