@@ -191,7 +191,7 @@ def table(rows, wide=(), disguises=(), least_d=0.0):
     """
     lines = ["| what | records | limit | holds |", "|---|---|---|---|"]
     for what, k, n, limit, holds in criteria(rows) + (wide_criteria(rows, wide, disguises, least_d) if wide else []):
-        lines.append(f"| {what} | {rate(k, n)} | {limit} | {HOLDS[holds]} |")
+        lines.append(f"| {what} | {rate(k, n)} | {limit} | {HOLDS[holds if n else None]} |")
     lines += ["", "| stratum | records | right | false | verdicts |", "|---|---|---|---|---|"]
     for kind in (*NULLS, *INSIDE, "outside"):
         some = [r for r in rows if r.kind == kind]

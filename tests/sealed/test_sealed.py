@@ -321,12 +321,18 @@ def test_a_run_that_is_not_whole_is_kept_beside_the_one_that_is_published():
         assert run["run"] != score.read(SCORED.read_text())[0]["run"]
 
 
-def test_the_pages_tell_what_one_lost_board_does_to_the_intervals():
+def test_the_pages_tell_what_was_counted():
     page, priors = ((ROOT / "docs" / name).read_text() for name in ("sealed.md", "wide_priors.md"))
-    _, _, wide = score.read(SCORED.read_text())
-    boards = {r.number: [abs(x) < score.Z for x in r.intervals] for r in wide if r.intervals}
-    new, every = sum(bool(r.causes) and not r.right for r in wide), np.concatenate([*boards.values()])
-    assert f"{new} new false causes, and {100 * np.mean(every):.1f} % of 95 % intervals hold" in priors
-    lost, others = boards.pop(44), np.concatenate([*boards.values()])
-    assert f"{sum(lost)} of {len(lost)} intervals hold. Of the other {len(boards)} boards" in page
-    assert f"{sum(others)} of {len(others)} hold ({100 * np.mean(others):.1f} %)" in page
+    _, rows, wide = score.read(SCORED.read_text())
+    new, every = sum(bool(r.causes) and not r.right for r in wide), np.concatenate([r.intervals for r in wide])
+    share = f"{100 * np.mean(np.abs(every) < score.Z):.1f} % of 95 % intervals hold"
+    assert f"of the first {len(wide)} of a hundred, {new} new false causes, and {share}" in priors
+    missed = [r for r in rows if r.kind in score.INSIDE and r.verdict == "unexplained"]
+    slow = [r for r in missed if "lag(3)" in r.truth["name"]]
+    assert f"Of the {len(missed)} effects that are told as `unexplained`, {len(slow)} are a `lag(3)`." in page
+    assert f"the law is listed in {sum(r.listed for r in missed)} of {len(missed)}." in page
+    pulls = [r.pull for r in rows if r.pull is not None]
+    assert f"of the {len(pulls)} sizes has an rms of {np.sqrt(np.mean(np.square(pulls))):.2f}" in page
+    noise = [r.truth for r in rows if r.kind == "outside" and r.verdict == "noise-model"]
+    least, most = (f(t["d"] for t in noise) for f in (min, max))
+    assert f"{len(noise)} effects from outside, of {least:.0f} to {most:.0f} sigmas, are told as `noise-model`" in page
