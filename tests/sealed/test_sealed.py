@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -336,3 +337,5 @@ def test_the_pages_tell_what_was_counted():
     noise = [r.truth for r in rows if r.kind == "outside" and r.verdict == "noise-model"]
     least, most = (f(t["d"] for t in noise) for f in (min, max))
     assert f"{len(noise)} effects from outside, of {least:.0f} to {most:.0f} sigmas, are told as `noise-model`" in page
+    assert Counter(t["name"] for t in noise) == {"outside.friction": 2, "outside.tilt": 2, "outside.beat": 1}
+    assert "as `noise-model`: friction twice, tilt twice, a beat." in page
