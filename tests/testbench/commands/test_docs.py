@@ -1,9 +1,11 @@
 """Documents: generated parts are current, links lead somewhere, examples run, and every number is that of the code."""
 
 import math
+import os
 import re
 import runpy
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -59,6 +61,16 @@ RANGES = "docs/ranges.md"  # proves every range anew: fifteen seconds
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n == RANGES else ()) for n in pages.PAGES])
 def test_generated_parts_are_current(name):
     assert list(pages.stale([name])) == [], "run: python docs/pages.py"
+
+
+@pytest.mark.parametrize("core", ["Nehalem", "Haswell"])
+def test_the_page_of_the_paper_is_that_of_any_processor(core):
+    # a number printed to digits that its linear algebra does not hold differs between kernels of OpenBLAS
+    code = "import pages; print(list(pages.stale(['docs/paper.md'])))"
+    path = os.pathsep.join(map(str, (ROOT, ROOT / "docs")))
+    env = {**os.environ, "OPENBLAS_CORETYPE": core, "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=300)
+    assert done.stdout.strip() == "[]", done.stderr
 
 
 def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
