@@ -327,7 +327,7 @@ def test_the_pages_tell_what_was_counted():
     _, rows, wide = score.read(SCORED.read_text())
     new, every = sum(bool(r.causes) and not r.right for r in wide), np.concatenate([r.intervals for r in wide])
     share = f"{100 * np.mean(np.abs(every) < score.Z):.1f} % of 95 % intervals hold"
-    assert f"of the first {len(wide)} of a hundred, {new} new false causes, and {share}" in priors
+    assert f"of {len(wide)} records, {new} new false causes, and {share}" in priors
     missed = [r for r in rows if r.kind in score.INSIDE and r.verdict == "unexplained"]
     slow = [r for r in missed if "lag(3)" in r.truth["name"]]
     assert f"Of the {len(missed)} effects that are told as `unexplained`, {len(slow)} are a `lag(3)`." in page
