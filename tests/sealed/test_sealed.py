@@ -331,7 +331,7 @@ def test_the_pages_tell_what_was_counted():
     missed = [r for r in rows if r.kind in score.INSIDE and r.verdict == "unexplained"]
     slow = [r for r in missed if "lag(3)" in r.truth["name"]]
     assert f"Of the {len(missed)} effects that are told as `unexplained`, {len(slow)} are a `lag(3)`." in page
-    assert f"the law is listed in {sum(r.listed for r in missed)} of {len(missed)}." in page
+    assert f"a law is listed in {sum(r.listed for r in missed)} of {len(missed)}." in page
     pulls = [r.pull for r in rows if r.pull is not None]
     assert f"of the {len(pulls)} sizes has an rms of {np.sqrt(np.mean(np.square(pulls))):.2f}" in page
     noise = [r.truth for r in rows if r.kind == "outside" and r.verdict == "noise-model"]
