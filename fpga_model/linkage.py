@@ -2,23 +2,17 @@
 
     part   optimised in its caller alone: Numba makes machine code of it, and of every level above it, each time anew
     unit   has machine code of its own in the cache; a caller includes nothing of it and links to its symbol.
-           What a cached caller links to is loaded before it (`load_units`)
+           What a cached caller links to is loaded before it (`find_units`)
 
 Source    docs/decisions/0015-compile-units.md
 """
 
-import contextlib
-import hashlib
 import importlib
-import json
-import os
 
 import llvmlite.binding as llvm
-from numba.core import sigutils, types
+from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-
-from fpga_model import bound
 
 
 class _NoEnvironment:
@@ -121,74 +115,34 @@ def make_unit(dispatcher, result):
     """From now on callers of this compiled function link to its symbol instead of including it."""
     library = result.library
     name = dispatcher.py_func.__module__, dispatcher.py_func.__qualname__
-    library.unit = (*name, result.fndesc.mangled_name)
+    library.unit = (*name, result.fndesc.mangled_name, tuple(result.signature.args))
     library._shared_module = llvm.parse_assembly(str(library._codegen._create_empty_module(library.name)))
 
 
 def units(library):
-    """[(module, function, symbol)] of the units that a freshly compiled library calls."""
-    seen, ahead, found = set(), list(library._linking_libraries), set()
+    """[(module, function, symbol, arguments)] of the units that a freshly compiled library calls."""
+    seen, ahead, found = set(), list(library._linking_libraries), {}
     while ahead:
         other = ahead.pop()
         if other not in seen:
             seen.add(other)
-            unit = getattr(other, "unit", None)
-            found |= {unit} - {None}
+            if unit := getattr(other, "unit", None):
+                found[unit[:3]] = unit
             ahead.extend(other._linking_libraries if isinstance(other, Part) else ())
-    return sorted(found)
+    return [found[key] for key in sorted(found)]
 
 
-def _list_of_units(folder, function, arguments):
-    digest = hashlib.sha256(f"{arguments!r} {bound.digest(function)}".encode()).hexdigest()[:16]
-    return folder / f"{function.__qualname__}-{digest}.units.json"
-
-
-def store_units(folder, dispatcher, arguments):
-    """Keep beside a compiled function what it calls; it is loaded only if that is there."""
-    path = _list_of_units(folder, dispatcher.py_func, arguments)
-    part = path.with_suffix(f".{os.getpid()}")
-    with contextlib.suppress(OSError):
-        part.write_text(json.dumps(units(dispatcher.overloads[arguments].library)))
-        part.replace(path)
-
-
-def load_units(folder, dispatcher, arguments):
-    """Load what a cached function calls; where a symbol is missing, it leaves the cache for these arguments."""
-    path = _list_of_units(folder, dispatcher.py_func, arguments)
-    try:
-        wanted = json.loads(path.read_text())
-    except (OSError, ValueError):
-        return _forget(dispatcher, arguments)
-    for module, name, symbol in wanted:
+def find_units(wanted):
+    """Load what a cached function calls; False where a symbol is missing, so that the function is compiled anew."""
+    for module, name, symbol, arguments in wanted:
         try:
             unit = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError):  # of a script, or within a function: nobody else can find it
-            return _forget(dispatcher, arguments)
-        for signature, *_ in unit._cache._cache_file._load_index():
-            if symbol in _symbols(unit):
-                break
-            unit.compile(signature)
-        if symbol not in _symbols(unit):
-            return _forget(dispatcher, arguments)
-    return None
-
-
-def _forget(dispatcher, arguments):
-    """Take a function with these arguments out of the cache; with others, or made from other parts, it stays."""
-    file = dispatcher._cache._cache_file
-    found, mine = file._load_index(), (arguments, bound.digest(dispatcher.py_func))
-    kept = {key: name for key, name in found.items() if (arguments_of(key[0]), key[-1]) != mine}
-    if len(kept) < len(found):
-        file._save_index(kept)
-
-
-def _symbols(dispatcher):
-    return {result.fndesc.mangled_name for result in dispatcher.overloads.values()}
-
-
-def arguments_of(signature):
-    """Types of the arguments, whichever way a signature is given."""
-    return tuple(sigutils.normalize_signature(signature)[0])
+            return False
+        unit.compile(arguments)
+        if symbol not in {result.fndesc.mangled_name for result in unit.overloads.values()}:
+            return False
+    return True
 
 
 WRAPPER = "_ZN7cpython"  # begins the names of what Python calls: it unpacks records, once a call

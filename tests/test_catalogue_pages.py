@@ -188,7 +188,7 @@ def test_a_new_effect_is_one_file(tmp_path):
     said = done(WALK, tmp_path, cache, NEW)
     assert f"[{NEW}] PASSED" in said
     after = contents(tmp_path)
-    compiled = {path.parents[2].name for path in cache.rglob("*.nbi")}
+    compiled = {path.parents[1].name for path in cache.rglob("*.kernel")}
     assert not [name for name in compiled if re.match(r"testbench|analog_frontend\.(top|tick|lanes|averaged)", name)]
     written = {f"analog_frontend/effects/{NEW}.py", f"docs/effects/{NEW}.md"}
     assert after.keys() - before.keys() == written
@@ -219,10 +219,10 @@ sys.path.append("docs")
 import effects_pages
 effects_pages.measure_table(["damping_cubic"])  # whatever an engine still lacks
 folder = jit.cache_folder(jit.Path(jit.__file__).resolve()).parents[1]
-before = set(folder.rglob("*.nbi"))
+before = set(folder.rglob("*.kernel"))
 start = time.monotonic()
 (change,) = effects_pages.measure_table([sys.argv[2]]).values()
-assert set(folder.rglob("*.nbi")) == before, "an engine was compiled"
+assert set(folder.rglob("*.kernel")) == before, "an engine was compiled"
 print(time.monotonic() - start, change[0])
 """
 

@@ -7,6 +7,7 @@
 With a filled cache, without a cache or on one core nothing is started.
 """
 
+import contextlib
 import functools
 import os
 import subprocess
@@ -18,10 +19,10 @@ import numpy as np
 
 from analog_frontend import tick
 from analog_frontend import top as plant
+from fpga_model import shared_files
 from fpga_model.jit import CACHE, cache_root, is_cached
 from fpga_model.rates import FRAME_TICKS
 from testbench.engines import engine as clocked
-from testbench.storage.files import lock
 
 CHILD = "from testbench.run import warmup; warmup.compile_{}()"
 TIMEOUT_S = 600
@@ -111,8 +112,11 @@ def _frame_child():
 
 @functools.cache
 def _turn():
-    """A lock that one process of a user holds; None: another one has it."""
-    return lock(cache_root() / "standby.lock")
+    """A lock that one process of a user holds; `shared_files.Held`, which says whose it is, if another one has it."""
+    try:
+        return shared_files.try_lock(cache_root() / "standby.lock")
+    except shared_files.Held as held:
+        return held
 
 
 class Standby:
@@ -126,9 +130,15 @@ class Standby:
 
     def __call__(self, *chunk):
         if self.child.poll() is None:
-            if _turn() is not None:
+            if not isinstance(held := _turn(), shared_files.Held):
                 return clocked.run(*chunk)
-            self.child.wait(TIMEOUT_S)
+            try:
+                self.child.wait(shared_files.PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                waits = f"waits for process {self.child.pid}, which compiles the frame engine"
+                print(f"gyro: {waits}; {held.strerror} runs meanwhile", file=sys.stderr, flush=True)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self.child.wait(TIMEOUT_S)
         from testbench.engines import frame
 
         return frame.run(*chunk)

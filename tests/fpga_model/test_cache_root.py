@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+ADVICE = "set GYRO_CACHE to a folder of your own"
 SHOW = """
 from fpga_model import jit
 import os
@@ -28,14 +29,14 @@ def shown(tmp, before="", **environment):
 
 
 def private(tmp):
-    return tmp / f"ftr-gyro-{os.getuid()}"
+    return tmp / f"ftr-gyro-{os.geteuid()}"
 
 
 def test_without_a_home_kernels_are_kept_in_a_private_folder_and_one_line_says_so(tmp_path):
     found, said = shown(tmp_path)
-    assert found == [str(private(tmp_path)), "True", str(private(tmp_path))]
+    assert found == [str(private(tmp_path) / "ftr-gyro"), "True", str(private(tmp_path))]
     assert stat.S_IMODE(private(tmp_path).stat().st_mode) == 0o700
-    assert said == f"gyro: no home that can be written: compiled kernels are kept in {private(tmp_path)}\n"
+    assert said == f"gyro: no home that can be written: compiled kernels are kept in {private(tmp_path)}; {ADVICE}\n"
     # a child inherits the folder and says nothing
     assert shown(tmp_path, GYRO_CACHE=found[2])[1] == ""
 
@@ -44,7 +45,7 @@ def test_a_home_that_cannot_be_written_is_none(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
     found, _ = shown(tmp_path, XDG_CACHE_HOME=str(blocked))
-    assert found[0] == str(private(tmp_path))
+    assert found[0] == str(private(tmp_path) / "ftr-gyro")
 
 
 @pytest.mark.parametrize("kind", ["open", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("link", "file"))])
@@ -60,18 +61,18 @@ def test_a_folder_that_others_may_have_made_is_not_used(tmp_path, kind):
         place.write_text("")
     found, said = shown(tmp_path)
     assert found == ["None", "False", "None"]
-    assert said == "gyro: no folder for compiled kernels can be written: each process compiles them again\n"
+    assert said == f"gyro: no home that can be written: each process compiles its kernels again; {ADVICE}\n"
 
 
 def test_a_folder_of_another_user_is_not_used(tmp_path):
-    (tmp_path / f"ftr-gyro-{os.getuid() + 1}").mkdir(mode=0o700)
-    other = f"import os\nos.getuid = lambda: {os.getuid() + 1}\n"
+    (tmp_path / f"ftr-gyro-{os.geteuid() + 1}").mkdir(mode=0o700)
+    other = f"import os\nos.geteuid = lambda: {os.geteuid() + 1}\n"
     found, _ = shown(tmp_path, other)
     assert found[:2] == ["None", "False"]
 
 
 def test_a_cache_that_is_named_needs_no_home(tmp_path):
     found, said = shown(tmp_path, GYRO_CACHE=str(tmp_path / "mine"))
-    assert (found[0], said) == (str(tmp_path / "mine"), "")
+    assert (found[0], said) == (str(tmp_path / "mine" / "ftr-gyro"), "")
     found, said = shown(tmp_path, GYRO_CACHE="0")
     assert (found[1], said) == ("False", "")

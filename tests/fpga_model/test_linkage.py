@@ -1,6 +1,5 @@
 """Parts and units: what is included, what is linked to, and that what is linked to is there."""
 
-import json
 import shutil
 import subprocess
 import sys
@@ -48,7 +47,7 @@ def tree(tmp_path):
     """A package with a unit and a caller of it, and a cache of its own."""
     package = tmp_path / "tree" / "fpga_model"
     package.mkdir(parents=True)
-    for name in ("__init__", "bound", "jit", "linkage", "replacing"):
+    for name in ("__init__", "bound", "jit", "kernel_cache", "linkage", "replacing", "shared_files"):
         (package / f"{name}.py").write_text((ROOT / "fpga_model" / f"{name}.py").read_text())
     for name, text in MODULES.items():
         (package / f"{name}.py").write_text(textwrap.dedent(text))
@@ -74,7 +73,7 @@ print(high.answer(2.0))
 
 def test_a_cache_that_is_removed_meanwhile_is_made_anew(tree):
     assert said(tree, REMOVED.replace("CACHE", repr(str(tree / "cache")))) == ["22", "22.0"]
-    assert list((tree / "cache").rglob("high.answer-*.nbc"))
+    assert list((tree / "cache").rglob("answer-*.kernel"))
 
 
 @pytest.mark.slow
@@ -94,14 +93,12 @@ def test_two_copies_of_the_same_sources_do_not_disturb_each_other_in_one_cache(t
 def test_a_caller_from_the_cache_finds_what_it_calls_and_compiles_what_is_gone(tree):
     assert said(tree) == ["22", "0"]
     assert said(tree) == ["22", "1"]
-    (listed,) = (tree / "cache").rglob("answer-*.units.json")
-    ((module, name, symbol),) = json.loads(listed.read_text())
-    assert (module, name) == ("fpga_model.low", "tripled")
-    assert "tripled" in symbol
-    for path in (tree / "cache").rglob("low.tripled-*.nb*"):
+    for path in (tree / "cache").rglob("tripled-*.kernel"):
         path.unlink()
     assert said(tree)[0] == "22"
-    listed.unlink()
+    assert said(tree) == ["22", "1"]
+    for path in (tree / "cache").rglob("answer-*.kernel"):
+        path.unlink()
     assert said(tree) == ["22", "0"]
 
 
@@ -121,11 +118,11 @@ def test_threads_that_call_at_once_leave_the_list_whole(tree):
 
 def test_an_edit_of_the_caller_leaves_the_unit_compiled(tree):
     said(tree)
-    before = set((tree / "cache").rglob("low.tripled-*.nbc"))
+    before = set((tree / "cache").rglob("tripled-*.kernel"))
     path = tree / "fpga_model" / "high.py"
     path.write_text(path.read_text().replace("+ 1", "+ 2"))
     assert said(tree) == ["26", "0"]
-    assert set((tree / "cache").rglob("low.tripled-*.nbc")) == before
+    assert set((tree / "cache").rglob("tripled-*.kernel")) == before
     path = tree / "fpga_model" / "low.py"
     path.write_text(path.read_text().replace("3 * x", "4 * x"))
     assert said(tree) == ["42", "0"]

@@ -40,7 +40,7 @@ def wall_s(tree, cache, arguments):
 def compiled(cache):
     """Wait until no process adds to a cache any more."""
     before = -1
-    while before != (now := sum(1 for _ in cache.rglob("*.nbc"))):
+    while before != (now := sum(1 for _ in cache.rglob("*.kernel"))):
         before = now
         time.sleep(12)
 

@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import pytest
 
+from fpga_model import shared_files
 from testbench.engines import engine, frame
 from testbench.run import warmup
-from testbench.storage import files
 
 
 class Child:
@@ -30,16 +30,20 @@ class Child:
         pass
 
 
+def release_turn():
+    if warmup._turn.cache_info().currsize and not isinstance(turn := warmup._turn(), shared_files.Held):
+        turn.close()
+    warmup._turn.cache_clear()
+
+
 @pytest.fixture
 def children(monkeypatch, tmp_path):
     """Commands of the children that would be started; the cache is empty."""
     # an earlier test may have had a child and the turn
     if warmup._frame_child.cache_info().currsize:
         warmup._frame_child().wait()
-    if warmup._turn.cache_info().currsize and warmup._turn():
-        warmup._turn().close()
+    release_turn()
     warmup._frame_child.cache_clear()
-    warmup._turn.cache_clear()
     monkeypatch.setattr(warmup, "cache_root", lambda: tmp_path)
     monkeypatch.setattr(Child, "started", [])
     monkeypatch.setattr(warmup.subprocess, "Popen", Child)
@@ -47,9 +51,7 @@ def children(monkeypatch, tmp_path):
     monkeypatch.setattr(warmup.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(warmup, "is_cached", lambda _: False)
     yield Child.started
-    if warmup._turn.cache_info().currsize and (file := warmup._turn()):
-        file.close()
-    warmup._turn.cache_clear()
+    release_turn()
 
 
 def test_an_empty_cache_is_filled_by_children(children):
@@ -73,7 +75,7 @@ def test_the_clocked_engine_stands_in_until_the_frame_engine_is_compiled(childre
 def test_of_two_processes_on_an_empty_cache_one_stands_in_and_the_other_waits(children, monkeypatch, tmp_path):
     monkeypatch.setattr(warmup.clocked, "run", lambda *chunk: pytest.fail("two processes stand in"))
     monkeypatch.setattr(frame, "run", lambda *chunk: ("frame", chunk))
-    with files.lock(tmp_path / "standby.lock"):
+    with shared_files.try_lock(tmp_path / "standby.lock"):
         run = warmup.frame_run()
         assert run(1, 2) == ("frame", (1, 2))
         assert not run.child.running
