@@ -27,7 +27,7 @@ from testbench.campaign.plan.measure import Variable
 from testbench.campaign.verify import read_point
 from testbench.errors import FileError
 from testbench.interrupts import held
-from testbench.storage.files import GuardedFile, clear, discard, explain, part_of, publish, write_text
+from testbench.storage.files import GuardedFile, explain, replacing, together, write_bytes, write_text
 
 SCHEMA = "gyrocampaign/1"
 
@@ -246,25 +246,18 @@ def _write_streams(file, store, wanted, found, streams, whole):
 @contextlib.contextmanager
 def _hdf5(path):
     """HDF5 file that is whole or absent, also when the disk is full."""
-    clear(path)
-    try:
-        guard = GuardedFile(part_of(path))
-    except OSError as problem:
-        raise explain(path, problem) from None
-    file = h5py.File(guard, "w")
-    try:
+    with replacing(path) as part:
+        guard = GuardedFile(part)
+        file = h5py.File(guard, "w")
         try:
             yield file
+        except OSError as problem:
+            raise explain(path, guard.problem or problem) from None
         finally:
             file.close()
             guard.close()
         if guard.problem is not None:
             raise guard.problem
-        publish(path)
-    except OSError as problem:
-        raise explain(path, guard.problem or problem) from None
-    finally:
-        discard(path)
 
 
 # ---- table -----------------------------------------------------------------------------------------------------------
@@ -320,8 +313,9 @@ def write(store, name):
     wanted = stored_points(store, name)
     netcdf, table = results(store, name)
     found, faults = load(store, wanted.addresses)
-    _write_netcdf(store, wanted, found, netcdf)
-    _write_table(wanted, found, table)
+    with together():
+        _write_netcdf(store, wanted, found, netcdf)
+        _write_table(wanted, found, table)
     return [netcdf, table], faults
 
 
@@ -338,7 +332,5 @@ def write_parquet(store, name, path):
     columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
     sink = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), sink)
-    from testbench.storage.files import write_bytes
-
     write_bytes(path, sink.getvalue())
     return faults

@@ -19,7 +19,6 @@ Source  docs/campaigns.md
 """
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import os
@@ -33,9 +32,10 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from fpga_model import shared_files
 from testbench.errors import FileError
-from testbench.storage import inputs, lock
-from testbench.storage.files import explain
+from testbench.storage import inputs
+from testbench.storage.files import alone, explain, refuse_foreign_links
 
 SCHEMA = "gyrostore/1"
 FOLDERS = ("points", "states", "plans", "results", "journal", "claims", "tmp")
@@ -76,6 +76,8 @@ class Store:
         """The store in a folder; an empty or missing folder becomes one with `create`."""
         path = Path(path).resolve()
         head = path / "store.json"
+        for folder in FOLDERS:
+            refuse_foreign_links(path / folder)
         try:
             if not head.exists():
                 cls._begin(path, head, create)
@@ -146,8 +148,7 @@ class Store:
     def claim(self, address):
         """Keep every other process from this point; waits while another one has it."""
         path = self.path / "claims" / address
-        with open(lock.regular(path), "wb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
+        with shared_files.wait_for_lock(path, "is at work on this point"):
             yield
             # whoever waited for this file sees the point, and needs no claim
             if self.has(address):
@@ -171,11 +172,12 @@ class Store:
         """Append a line to this process's journal; one write, so that a line is whole or absent."""
         text = json.dumps({"t": round(time.time(), 6), "event": event, "pid": os.getpid()} | what)[:-1]
         path = self.path / "journal" / f"{socket.gethostname()}-{os.getpid()}.jsonl"
-        with open(lock.regular(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab", buffering=0) as file:
-            try:
+        try:
+            handle = shared_files.open_regular(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+            with open(handle, "ab", buffering=0) as file:
                 file.write(f'{text}{CRC}{zlib.crc32(text.encode()):08x}"}}\n'.encode())
-            except OSError as problem:
-                raise explain(path, problem) from None
+        except OSError as problem:
+            raise explain(path, problem) from None
 
     def lines(self, faults):
         """`Event`s of all journals, in no order; `faults` takes one line of text for each that cannot be read."""
@@ -205,7 +207,7 @@ class Store:
     @contextlib.contextmanager
     def locked(self):
         """Be the one campaign at work here, or FileError that says who is."""
-        with lock.alone(self.path / "lock", f"{self.path}: another campaign is at work here"):
+        with alone(self.path / "lock", f"{self.path}: another campaign is at work here"):
             try:
                 for folder in ("tmp", "results"):  # copies without empty folders lack them
                     (self.path / folder).mkdir(exist_ok=True)
@@ -219,11 +221,11 @@ class Store:
 
     def owner(self):
         """Who is, or was last, at work here."""
-        return lock.owner(self.path / "lock")
+        return shared_files.lock_owner(self.path / "lock")
 
     def busy(self):
         """True while a campaign is at work here."""
-        return lock.busy(self.path / "lock")
+        return shared_files.is_locked(self.path / "lock")
 
 
 def declared(events):

@@ -21,8 +21,8 @@ from matplotlib.container import BarContainer, ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from testbench.console.report import save
-from testbench.storage.files import write_bytes, write_text
+from testbench.console.report import png_bytes
+from testbench.storage.files import together, write_bytes
 
 HEAD = ("panel", "series", "x", "label", "y", "low", "high")
 KINDS = ("png", "svg", "pdf", "csv")
@@ -37,24 +37,26 @@ class Picture(NamedTuple):
 
 
 def write(picture, folder):
-    """Write the four files; returns their paths by kind."""
-    folder = Path(folder)
-    paths = {kind: folder / f"{picture.name}.{kind}" for kind in KINDS}
-    save(picture.figure, paths["png"])
+    """Write the four files together; returns the paths by kind, and the bytes of the PNG."""
+    made = {"png": png_bytes(picture.figure)}
     picture.figure.set_layout_engine("none")  # laid out once, for all kinds
     with matplotlib.rc_context({"svg.hashsalt": picture.name, "svg.fonttype": "path"}):
         buffer = io.BytesIO()
         FigureCanvasSVG(picture.figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
-        write_bytes(paths["svg"], buffer.getvalue())
+        made["svg"] = buffer.getvalue()
     buffer = io.BytesIO()
     FigureCanvasPdf(picture.figure).print_pdf(buffer, metadata={"CreationDate": None, "Creator": None})
-    write_bytes(paths["pdf"], buffer.getvalue())
+    made["pdf"] = buffer.getvalue()
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
     out.writerow(HEAD)
     out.writerows(numbers(picture.figure))
-    write_text(paths["csv"], text.getvalue())
-    return paths
+    made["csv"] = text.getvalue().encode()
+    paths = {kind: Path(folder) / f"{picture.name}.{kind}" for kind in KINDS}
+    with together():
+        for kind, path in paths.items():
+            write_bytes(path, made[kind])
+    return paths, made["png"]
 
 
 def numbers(figure):

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from testbench.storage.files import replacing, write_text
+from testbench.storage.files import write_bytes, write_text
 from testbench.version import VERSION
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY = (
@@ -74,15 +74,16 @@ def _note(axis, text, at, offset, color, **more):
 
 def save(figure, path):
     """Write a figure as PNG."""
-    with replacing(path) as part, open(part, "wb") as file:
-        _draw(figure, file, DPI)
+    write_bytes(path, png_bytes(figure))
     return Path(path)
 
 
-def _draw(figure, file, dpi):
+def png_bytes(figure, dpi=DPI):
     """PNG of a figure that is laid out and drawn once; `savefig` does both twice."""
     figure.set_dpi(dpi)
-    FigureCanvasAgg(figure).print_png(file)
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    return buffer.getvalue()
 
 
 def startup(
@@ -285,9 +286,7 @@ def _table_html(table):
 
 def png(figure, alt="", dpi=DPI):
     """<img> with a matplotlib figure inside."""
-    buffer = io.BytesIO()
-    _draw(figure, buffer, dpi)
-    return _image(buffer.getvalue(), alt)
+    return _image(png_bytes(figure, dpi), alt)
 
 
 def _image(data, alt):
@@ -295,9 +294,12 @@ def _image(data, alt):
 
 
 def picture_html(picture, caption, links=()):
-    """<figure> of a Figure or of a PNG file; `links` to files, (text, address), stand below the caption."""
+    """<figure> of a Figure, of a PNG, or of its file; `links` to files, (text, address), stand below the caption."""
     text = html.escape(caption)
-    image = png(picture, text) if isinstance(picture, Figure) else _image(Path(picture).read_bytes(), text)
+    if isinstance(picture, Figure):
+        image = png(picture, text)
+    else:
+        image = _image(picture if isinstance(picture, bytes) else Path(picture).read_bytes(), text)
     files = " ".join(f'<a href="{html.escape(address)}">{html.escape(name)}</a>' for name, address in links)
     below = f'<p class="note">{files}</p>' if files else ""
     return f"<figure>{image}<figcaption>{text}</figcaption>{below}</figure>"

@@ -29,7 +29,7 @@ def design(
     """Design the loops for a board: a configuration that locks, what it will do, or which limit stops it."""
     from testbench.config import to_toml
     from testbench.run import outputs
-    from testbench.storage.files import write_text
+    from testbench.storage.files import together, write_text
 
     for folder in ([report] if report else []) + ([out.parent] if out else []):
         outputs.check_folder(folder)
@@ -43,12 +43,12 @@ def design(
             progress("simulation", 0, 1)
             result = result._replace(simulated=confirm.of_result(result))
         written = []
-        if out is not None:
-            write_text(out, to_toml(result.config))
-            written.append(str(out))
-        if report is not None:
-            report.mkdir(parents=True, exist_ok=True)
-            written.append(str(design_page.write(result, report, progress)))
+        with together():
+            if out is not None:
+                write_text(out, to_toml(result.config))
+                written.append(str(out))
+            if report is not None:
+                written.append(str(design_page.write(result, report, progress)))
     if as_json:
         print_json({**design_page.as_json(result), "files": written})
         return

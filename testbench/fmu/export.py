@@ -22,7 +22,7 @@ from testbench.config import scenario
 from testbench.errors import ConfigError
 from testbench.fmu import description, firmware_source, plant_words, variables
 from testbench.run.simulation import Simulation
-from testbench.storage.files import explain, write_bytes, write_text
+from testbench.storage.files import replacing_folder
 from testbench.tool import run_tool
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -150,21 +150,16 @@ def units(config, version="3.0"):
 
 def export(folder, config, version="3.0"):
     """Write both FMUs of a configuration, and for FMI 3.0 the importer; returns the paths."""
-    folder, written = Path(folder), []
-    made = {f"{unit.name}.fmu": archive(unit.contents()) for unit in units(config, version)}
-    try:
-        (folder / "importer").mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise explain(folder, problem) from None
-    for name, content in made.items():
-        write_bytes(folder / name, content)
-        written.append(folder / name)
+    files = {f"{unit.name}.fmu": archive(unit.contents()) for unit in units(config, version)}
     if version == "3.0":
         record = config.design_record()
         known = f'#define PLATFORM "{place(version)[0]}"\n#define LIBRARY "{place(version)[1]}"\n'
         known += f"enum {{ LOCKED = {sequencer.LOCKED}, FRAME_TICKS = {record.frame_ticks} }};\n"
         known += f"#define TICK_S {1 / record.tick_hz!r}\n"
-        for name, text in {**_templates(*IMPORTER), "of_export.h": known}.items():
-            write_text(folder / "importer" / name, text)
-            written.append(folder / "importer" / name)
-    return written
+        texts = {**_templates(*IMPORTER), "of_export.h": known}
+        files |= {f"importer/{name}": text.encode() for name, text in texts.items()}
+    with replacing_folder(folder, keep=True) as new:
+        for name, content in files.items():
+            (new / name).parent.mkdir(exist_ok=True)
+            (new / name).write_bytes(content)
+    return [Path(folder) / name for name in files]

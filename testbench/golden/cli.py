@@ -37,11 +37,21 @@ def export(
     """Write the golden bundles of a block, one folder per case: DIR/BLOCK/CASE; with --c also the firmware in C."""
     from testbench.errors import ConfigError
     from testbench.golden.bundles.export import export as write
+    from testbench.storage.files import together
 
     if out is None and c is None:
         raise ConfigError("export: one of --out DIR and --c DIR is needed")
-    files = _export_c(c, config)
-    done = write(block, c / "golden" if out is None else out, config=config, frames=frames)
+    done = []
+
+    def write_bundles(folder):
+        written = write(block, folder, config=config, frames=frames)
+        shown = c / "golden" if out is None else out
+        done.extend((shown.joinpath(*path.parts[-2:]), manifest) for path, manifest in written)
+
+    with together():
+        files = [] if c is None else _export_c(c, config, None if out else lambda new: write_bundles(new / "golden"))
+        if out is not None:
+            write_bundles(out)
     if as_json:
         listed = [{"folder": str(folder), "rows": m["n"], "sha256": m["manifest_sha256"]} for folder, m in done]
         typer.echo(json.dumps({"bundles": listed} | ({"c_files": [str(path) for path in files]} if files else {})))
@@ -52,13 +62,10 @@ def export(
         typer.echo(f"{folder}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
 
 
-def _export_c(folder, config):
-    """Paths of the model in C, if a folder was given for it."""
-    if folder is None:
-        return []
+def _export_c(folder, config, fill):
     from testbench.golden.c_model.export import export as write
 
-    return write(folder, config)
+    return write(folder, config, fill)
 
 
 @app.command()

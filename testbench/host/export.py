@@ -10,21 +10,20 @@
 Source  docs/blocks/host.md
 """
 
-import contextlib
 import shutil
 from pathlib import Path
 
 from fpga_model import host, host_axi
 from fpga_model.rates import FRAME_TICKS
 from testbench.config import scenario
-from testbench.errors import ConfigError, FileError
+from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import library, locked_state
 from testbench.golden.recording import board, host_board
 from testbench.register_map import export as register_map
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
-from testbench.storage.files import explain, part_of
+from testbench.storage.files import replacing_folder
 
 TEMPLATES = Path(__file__).with_name("templates")
 RTL = Path(__file__).parents[1] / "rtl"
@@ -77,21 +76,7 @@ def export(folder, config, bus="spi"):
     if bus not in BUSES:
         raise ConfigError(f"gyro host: --bus {bus}: one of {', '.join(BUSES)} is needed")
     folder = Path(folder)
-    part = part_of(folder)
-    try:
-        if folder.exists() and not (folder / MARK).is_file() and any(folder.iterdir()):
-            raise FileError(f"{folder}: is no folder of gyro host ({MARK} is missing); it is not replaced")
-        sim, rate_rad_s = locked(config)
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        write_loop(part, sim, rate_rad_s, bus)
-        register_map.export(part / "map", config)
-        if folder.exists():
-            shutil.rmtree(folder)
-        part.rename(folder)
-    except OSError as problem:
-        raise explain(folder, problem) from None
-    finally:
-        with contextlib.suppress(OSError):
-            shutil.rmtree(part)
+    with replacing_folder(folder, MARK) as new:
+        write_loop(new, *locked(config), bus)
+        register_map.export(new / "map", config)
     return [folder / name for name in OPEN_FIRST]

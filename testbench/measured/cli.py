@@ -130,7 +130,7 @@ def record(
 
     from testbench.measured.record import load, produce, schema
     from testbench.measured.record import plan as plans
-    from testbench.storage.files import write_text
+    from testbench.storage.files import together, write_text
 
     wanted = plans.read(plan)
     if plant is not None:
@@ -139,9 +139,10 @@ def record(
         raise ConfigError("--plant-file: needs --plant, the library that reads it")
     with _progress(as_json) as progress:
         made = produce.record(wanted, progress)
-    digest = load.write(out, made)
-    if envelope is not None:
-        write_text(envelope, json.dumps(produce.envelope(wanted), sort_keys=True, indent=1) + "\n")
+    with together():
+        digest = load.write(out, made)
+        if envelope is not None:
+            write_text(envelope, json.dumps(produce.envelope(wanted), sort_keys=True, indent=1) + "\n")
     frames = schema.frames_of(made)
     segments = len(made.tables["segments"]["id"].data)
     if as_json:
@@ -353,23 +354,24 @@ def trace(o):
             options = Options(alpha, o.looks, seed=o.seed, max_laws=most)
             found, name = trace_recording.of_problem(problem, options, progress), problem.name
         if found:
-            _write(o.json_file, trace_recording.text(found[0]))
-            _write(o.report, part_page.page(name, trace_recording.section("Verdict", *found)) if o.report else "")
+            page_text = part_page.page(name, trace_recording.section("Verdict", *found)) if o.report else ""
+            _write({o.json_file: trace_recording.text(found[0]), o.report: page_text})
             return _print_trace(found[0])
         tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
-    _write(o.json_file, result.text())
-    _write(o.report, page.html(result, all_figures(tracer)) if o.report else "")
+    _write({o.json_file: result.text(), o.report: page.html(result, all_figures(tracer)) if o.report else ""})
     for text in problem.warnings:
         typer.echo(f"{text} (warned)")
     return _print_trace(vars(result))
 
 
-def _write(path, text):
-    """Write a text if a path was given."""
-    from testbench.storage.files import write_text
+def _write(texts):
+    """Write {path: text} together; a path that is None was not given."""
+    from testbench.storage.files import together, write_text
 
-    if path is not None:
-        write_text(path, text)
+    with together():
+        for path, text in texts.items():
+            if path is not None:
+                write_text(path, text)
 
 
 def _print_trace(result):

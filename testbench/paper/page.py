@@ -20,7 +20,7 @@ from testbench.paper.loop import loop_page, loop_pictures
 from testbench.paper.measure import measure_scale, nonlinearity
 from testbench.paper.pictures import boards, drive, opening, performance, sense
 from testbench.run.budget import budget
-from testbench.storage.files import write_text
+from testbench.storage.files import together, write_text
 
 FOLDER = "figures"  # beside the page
 DRIVE = (
@@ -161,12 +161,18 @@ def write(study, path=None):
         "path. Default latencies are the best fit of a search over assumed pipelines.",
     ]
     path = Path(path or study.directory / "paper.html")
+    with together():
+        _write_files(study, path, parts, model, compared, notes)
+    return path, judge_table.counts(compared)
+
+
+def _write_files(study, path, parts, model, compared, notes):
     write_text(path.parent / "judged.json", json.dumps(simulated.as_json(model), indent=1, sort_keys=True) + "\n")
     shown = []
     for picture in pictures(study, parts):
-        files = figure_files.write(picture, path.parent / FOLDER)
+        files, png = figure_files.write(picture, path.parent / FOLDER)
         links = [(kind.upper(), f"{FOLDER}/{file.name}") for kind, file in files.items()]
-        shown.append(report.picture_html(files["png"], picture.caption, links))
+        shown.append(report.picture_html(png, picture.caption, links))
     head = report.head_html("The paper's experiments on the virtual gyroscope", notes)
     write_text(
         path,
@@ -174,4 +180,3 @@ def write(study, path=None):
             "The paper's experiments", [*head, *shown, *report.tables_html(tables(study, parts, compared))]
         ),
     )
-    return path, judge_table.counts(compared)

@@ -26,8 +26,7 @@ from testbench.paper.loop import sensitivity
 from testbench.paper.measure import record_phases
 from testbench.paper.measure.characterise import engine_of, unflat
 from testbench.paper.stages import Job, Stages
-from testbench.storage import lock
-from testbench.storage.files import explain
+from testbench.storage.files import alone, explain
 
 WORKERS = 2
 
@@ -85,7 +84,7 @@ class Study:
 
     def alone(self):
         """Be the one process at work in the folder, or FileError that says who is; for `with`."""
-        return lock.alone(self.directory / "lock", f"{self.directory}: another study is at work here")
+        return alone(self.directory / "lock", f"{self.directory}: another study is at work here")
 
     def run(self):
         """Do all stages, those that do not need each other at the same time; the longest begin first."""

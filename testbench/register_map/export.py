@@ -13,17 +13,16 @@ Nothing in them depends on time or place.
 Source  docs/register_map.md
 """
 
-import contextlib
 import importlib
 import re
 import shutil
 from pathlib import Path
 
 from testbench.config import Config
-from testbench.errors import ConfigError, FileError
+from testbench.errors import ConfigError
 from testbench.register_map import c_header, systemrdl
 from testbench.register_map.systemrdl import NAME
-from testbench.storage.files import explain, part_of
+from testbench.storage.files import replacing_folder
 from testbench.version import VERSION
 
 RDL = f"{NAME}.rdl"
@@ -86,29 +85,15 @@ def export(folder, config=None):
 
     ConfigError if a package is missing; FileError if the folder holds anything else or cannot be written
     """
-    config = config or Config()
-    folder = Path(folder)
-    part = part_of(folder)
-    try:
-        if folder.exists() and not (folder / RDL).is_file() and any(folder.iterdir()):
-            raise FileError(f"{folder}: is no folder of register maps ({RDL} is missing); it is not replaced")
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        (part / RDL).write_text(systemrdl.text(config.design_record()))
-        top = compiled(part / RDL)
-        (part / "c").mkdir()
-        _c(top, part / "c", config.device().adc_vref_v)
+    config, folder = config or Config(), Path(folder)
+    with replacing_folder(folder, RDL) as new:
+        (new / RDL).write_text(systemrdl.text(config.design_record()))
+        top = compiled(new / RDL)
+        (new / "c").mkdir()
+        _c(top, new / "c", config.device().adc_vref_v)
         for name, write in FORMATS.items():
-            (part / name).mkdir()
-            write(top, part / name)
-        if folder.exists():
-            shutil.rmtree(folder)
-        part.rename(folder)
-    except OSError as problem:
-        raise explain(folder, problem) from None
-    finally:
-        with contextlib.suppress(OSError):
-            shutil.rmtree(part)
+            (new / name).mkdir()
+            write(top, new / name)
     return [
         folder / RDL,
         *sorted((folder / "c").iterdir()),

@@ -4,10 +4,12 @@
 Source  docs/record.md
 """
 
+import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from testbench.errors import FileError
+from testbench.storage.files import refuse_foreign_links
 
 
 class Result(NamedTuple):
@@ -43,11 +45,10 @@ CURVES = ("pins.drive_code", "pins.sense_code")  # drawn as curves in GTKWave
 def check_folder(directory):
     """Make the folder and try to write in it, before hours are spent on what cannot be kept."""
     folder = Path(directory)
-    probe = folder / ".gyro-probe"
+    refuse_foreign_links(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(b"")
-        probe.unlink()
+        tempfile.TemporaryFile(dir=folder).close()
     except OSError as problem:
         raise FileError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
     return folder

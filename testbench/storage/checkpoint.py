@@ -14,13 +14,15 @@ Source  docs/record.md
 
 import contextlib
 import hashlib
+import shutil
 from pathlib import Path
 
 import numpy as np
 
+from fpga_model import shared_files
 from testbench.errors import FileError
 from testbench.storage import spool
-from testbench.storage.files import discard, explain, lock, write_bytes, write_text
+from testbench.storage.files import explain, make_own_folder, write_bytes, write_text
 from testbench.storage.inputs import opened
 
 FOLDER = "run.partial"
@@ -53,14 +55,14 @@ class Partial:
         if self._lock is not None:
             return
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = lock(self.folder / "lock")
+            make_own_folder(self.folder)
+            self._lock = shared_files.try_lock(self.folder / "lock")
         except FileNotFoundError:  # removed by a run that has just ended
             self.hold()
+        except shared_files.Held as other:
+            raise FileError(f"{self.folder.parent}: another run is at work in this folder: {other.strerror}") from None
         except OSError as problem:
             raise explain(self.folder, problem) from None
-        if self._lock is None:
-            raise FileError(f"{self.folder.parent}: another run is at work in this folder")
 
     def begin(self, config_toml):
         """Start anew; FileError if an unfinished run lies here."""
@@ -80,7 +82,6 @@ class Partial:
     def discard(self):
         """Remove what an unfinished run keeps here."""
         for path in (self.checkpoint, self.rows, self.window, self.config):
-            discard(path)
             spool.remove(path)
 
     def resumable(self):
@@ -132,6 +133,8 @@ class Partial:
         """Remove everything, and let others in."""
         self.discard()
         with contextlib.suppress(OSError):
+            for part in self.folder.glob("*.part"):  # of a process that was killed while it wrote
+                shutil.rmtree(part)
             (self.folder / "lock").unlink()
             self.folder.rmdir()
         self.release()

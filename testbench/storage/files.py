@@ -1,27 +1,42 @@
-"""Output files that are whole or absent: written as PATH.part, renamed when complete, removed when anything fails.
+"""Files and folders that are whole or absent: made in a place of their own, then renamed; a failure leaves nothing.
 
-PATH.part is locked while it is written (flock, which a killed process does not hold): of two processes that write one
-file the second is refused. A file system without locks is taken as it is.
+    PATH.part/lock    says which process writes PATH; a second one is refused (flock: a killed process holds no lock)
+    PATH.part/new     what takes the place of PATH: by a rename, or for a folder by an exchange of both
+
+PATH.part is on the volume of PATH. This process makes it for its user alone, so no link of anybody else is in it.
+What is written `together` is renamed by a process of its own, which outlives a kill of this one: the old set stands, or
+the new one. A file system that cannot exchange (NFS) has the old folder renamed away first, in the same way. A file
+system without locks is taken as it is.
 A seal is the file's own SHA-256 behind its end: damage is found before a library reads it, which with HDF5 may take
 for ever on a damaged heap. `GuardedFile` is for HDF5 too, which leaves a file open for good when a write fails during
 close: it remembers the first failure, swallows what the library still writes, and lets the owner raise afterwards.
 """
 
 import contextlib
+import contextvars
+import ctypes
 import errno
 import hashlib
 import io
 import os
+import shutil
+import stat
+import subprocess
+import sys
+import time
 from pathlib import Path
 
+from fpga_model import shared_files
 from testbench.errors import FileError
+from testbench.interrupts import held
 
-try:
-    import fcntl
-except ImportError:  # no POSIX, no locks
-    fcntl = None
-
-NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
+PATIENCE_S = 0.5  # `shared_files.is_locked` has a lock for a moment
+AT_FDCWD, RENAME_EXCHANGE = -100, 2
+NO_EXCHANGE = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
+QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+# what is written in `together`, in order
+_set = contextvars.ContextVar("stagings", default=None)
+RENAME = "import os, sys\nfor k in range(1, len(sys.argv), 2): os.replace(sys.argv[k], sys.argv[k + 1])"
 
 
 def explain(path, problem):
@@ -29,59 +44,238 @@ def explain(path, problem):
     return FileError(f"{path}: cannot be written: {problem.strerror or problem}")
 
 
-def part_of(path):
-    """Name under which `path` is written."""
-    path = Path(path)
-    return path.with_name(path.name + ".part")
+# ---- locks and folders that are this user's --------------------------------------------------------------------------
 
 
-def lock(path):
-    """Open file, locked by this process and made if need be; None if another one holds it.
-
-    Who holds the lock may remove the file; then it is made anew.
-    """
+@contextlib.contextmanager
+def alone(path, refusal):
+    """Hold the lock at `path`; FileError `REFUSAL: OWNER` if another process has it."""
+    until = time.monotonic() + PATIENCE_S
     while True:
-        file = open(path, "a+b")
         try:
-            if fcntl is not None:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(file.fileno()), os.stat(path)):
-                return file
-        except BlockingIOError:
-            file.close()
-            return None
-        except FileNotFoundError:
-            pass
+            file = shared_files.try_lock(path)
+            break
+        except shared_files.Held as other:
+            if time.monotonic() > until:
+                raise FileError(f"{refusal}: {other.strerror}") from None
         except OSError as problem:
-            if problem.errno in NO_LOCKS:
-                return file
-            file.close()
-            raise
-        file.close()
+            raise explain(path, problem) from None
+        time.sleep(0.05)
+    with file:
+        yield
 
 
-def lock_part(path):
-    """The locked PATH.part; FileError if another process writes the file."""
-    if Path(path).is_char_device() or Path(path).is_block_device():
-        raise FileError(f"{path}: is a device; it is not replaced")
+def refuse_foreign_links(path):
+    """FileError if a link of another user is on the way to `path`: it may lead to any file of this user."""
+    if link := shared_files.foreign_link(path):
+        raise FileError(f"{path}: leads through {link}, a link of another user; name a folder of your own")
+
+
+def make_own_folder(path):
+    """Make a folder that nobody else can write; FileError if a link or another user's folder has its name."""
+    refuse_foreign_links(path.parent)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(FileExistsError):
+        path.mkdir(mode=0o700)
+    found = path.lstat()
+    if not stat.S_ISDIR(found.st_mode):
+        raise FileError(f"{path}: is no folder; remove it")
+    if found.st_uid != os.geteuid():
+        raise FileError(f"{path}: belongs to another user (uid {found.st_uid}); name a folder of your own")
+    if found.st_mode & 0o077:
+        path.chmod(0o700)
+
+
+# ---- from a place of its own to its name -----------------------------------------------------------------------------
+
+
+class Staging:
+    """PATH.part of this process until `close`; FileError if another process has it, or PATH cannot be written.
+
+    path  the file or folder that is written
+    new   where it is made: absent at first, in a folder that only this user can enter
+    """
+
+    def __init__(self, path):
+        shown, path = path, Path(os.path.abspath(path))
+        if path.is_char_device() or path.is_block_device():
+            raise FileError(f"{shown}: is a device; it is not replaced")
+        if path.is_symlink() and path.is_dir():
+            refuse_foreign_links(path)
+            path = path.resolve()
+        self.path, self._folder = path, path.with_name(path.name + ".part")
+        self.new, self.replaced = self._folder / "new", self._folder / "replaced"
+        try:
+            self._lock = self._locked(shown)
+            self._clear()
+        except OSError as problem:
+            raise explain(shown, problem) from None
+
+    def _locked(self, shown):
+        while True:
+            with contextlib.suppress(FileNotFoundError):
+                if not stat.S_ISDIR(self._folder.lstat().st_mode):  # a link, or what version 0.1.0 left
+                    self._folder.unlink()
+            make_own_folder(self._folder)
+            try:
+                return shared_files.try_lock(self._folder / "lock")
+            except shared_files.Held as other:
+                raise FileError(f"{shown}: another process writes it: {other.strerror}") from None
+            except FileNotFoundError:  # removed by a process that has just ended
+                continue
+
+    def _clear(self):
+        for item in self._folder.iterdir():
+            if item.is_dir() and not item.is_symlink():
+                shutil.rmtree(item)
+            elif item.name != "lock":
+                item.unlink()
+
+    def finish(self):
+        """Give what was made its name: now, or with all else of `together`."""
+        if (joined := _set.get()) is None:
+            publish(self)
+            self.close()
+        else:
+            joined.append(self)
+
+    def close(self):
+        """Remove PATH.part and let others in."""
+        with contextlib.suppress(OSError):
+            self._clear()
+            (self._folder / "lock").unlink()
+            self._folder.rmdir()
+        self._lock.close()
+
+
+def publish(*stagings):
+    """Rename or exchange, so that all of what stands is old, or all of it is new, whenever this process is killed."""
+    renames = []
+    for staging in stagings:
+        new, path, folder = staging.new, staging.path, staging.new.is_dir()
+        if path.exists() and path.is_dir() != folder:
+            raise FileError(f"{path}: cannot be written: it is {'no' if folder else 'a'} folder")
+        if folder and path.exists():
+            if len(stagings) == 1 and _exchange(new, path):
+                return
+            renames += [path, staging.replaced]
+        elif not folder:
+            with open(new, "rb") as file:
+                os.fsync(file.fileno())
+        renames += [new, path]
+    if len(renames) > 2:
+        command = [sys.executable, "-I", "-S", "-c", RENAME, *map(os.fspath, renames)]
+        with held(), contextlib.suppress(OSError):
+            if subprocess.Popen(command, start_new_session=True, **QUIET).wait() == 0:
+                return
+    # one file alone, and what is left by a process that was killed itself
+    for staging in stagings:
+        if staging.new.exists():
+            if staging.new.is_dir() and staging.path.exists() and not staging.replaced.exists():
+                os.rename(staging.path, staging.replaced)
+            os.replace(staging.new, staging.path)
+
+
+def _exchange(new, path):
+    """Exchange two folders in one system call; False where the file system cannot."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    if rename(AT_FDCWD, os.fsencode(new), AT_FDCWD, os.fsencode(path), RENAME_EXCHANGE) == 0:
+        return True
+    if ctypes.get_errno() in NO_EXCHANGE:
+        return False
+    raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(path))
+
+
+@contextlib.contextmanager
+def together():
+    """Files and folders that are written in the block take their places at its end, all of them or none."""
+    if _set.get() is not None:
+        yield
+        return
+    stagings = []
+    token = _set.set(stagings)
     try:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        clear(path)
-        file = lock(part_of(path))
+        yield
+        publish(*stagings)
     except OSError as problem:
+        raise explain(problem.filename or "output", problem) from None
+    finally:
+        _set.reset(token)
+        for staging in stagings:
+            staging.close()
+
+
+@contextlib.contextmanager
+def replacing(path):
+    """Yield the name to write to; the file takes its place when the block ends well, and vanishes when it does not.
+
+    FileError if another process writes it.
+    """
+    staging = Staging(path)
+    try:
+        yield staging.new
+        staging.finish()
+    except OSError as problem:
+        staging.close()
         raise explain(path, problem) from None
-    if file is None:
-        raise FileError(f"{path}: another process writes this file")
-    return file
+    except BaseException:
+        staging.close()
+        raise
 
 
-def publish(path):
-    """Give the finished PATH.part its name."""
-    part = part_of(path)
-    with open(part, "rb") as file:
-        os.fsync(file.fileno())
-    os.replace(part, path)
+@contextlib.contextmanager
+def replacing_folder(path, mark=None, keep=False):
+    """As `replacing`, of a new folder, which takes the place of `path` as a whole.
 
+    keep  what else is in the folder stays
+    mark  otherwise: file of a folder that may be replaced; any other that is not empty is refused. None: all are
+    """
+    path = Path(path)
+    with replacing(path) as new:
+        if path.is_dir() and any(path.iterdir()):
+            if not keep and (mark is None or not (path / mark).is_file()):
+                why = f" and has no {mark}" if mark else ""
+                raise FileError(f"{path}: is not empty{why}; it is not replaced: name another folder")
+            if Path.cwd().is_relative_to(path.resolve()):
+                raise FileError(f"{path}: this command works in it and cannot replace it; name a folder in it")
+        new.mkdir()
+        token = _set.set(None)
+        try:
+            yield new
+        finally:
+            _set.reset(token)
+        if keep and path.is_dir():
+            _carry(path, new)
+
+
+def _carry(old, new):
+    """Link what is only in the old folder into the new one."""
+    for item in old.iterdir():
+        place = new / item.name
+        if item.is_dir() and not item.is_symlink():
+            place.mkdir(exist_ok=True)
+            _carry(item, place)
+        elif not os.path.lexists(place):
+            try:
+                os.link(item, place, follow_symlinks=False)
+            except OSError:  # a file system without links
+                shutil.copy2(item, place, follow_symlinks=False)
+
+
+def write_bytes(path, data):
+    """Write a whole file, or nothing."""
+    with replacing(path) as part:
+        part.write_bytes(data)
+
+
+def write_text(path, text):
+    """Write a whole UTF-8 file, or nothing."""
+    write_bytes(path, text.encode())
+
+
+# ---- seals -----------------------------------------------------------------------------------------------------------
 
 SEAL = b"\nftr-gyro sha256 %s\n"
 SEAL_BYTES = len(SEAL % bytes(64))
@@ -115,43 +309,6 @@ def seal_holds(path):
             digest.update(block)
             left -= len(block)
     return found == SEAL % digest.hexdigest().encode()
-
-
-def clear(path):
-    """Remove what is no regular file under the name PATH.part: to open a FIFO would wait for a reader."""
-    if part_of(path).exists() and not part_of(path).is_file():
-        discard(path)
-
-
-def discard(path):
-    """Remove PATH.part if there is one."""
-    with contextlib.suppress(OSError):
-        part_of(path).unlink()
-
-
-@contextlib.contextmanager
-def replacing(path):
-    """Yield the name to write to; the file takes its place when the block ends well, and vanishes when it does not."""
-    path = Path(path)
-    with lock_part(path):
-        try:
-            yield part_of(path)
-            publish(path)
-        except OSError as problem:
-            raise explain(path, problem) from None
-        finally:
-            discard(path)
-
-
-def write_bytes(path, data):
-    """Write a whole file, or nothing."""
-    with replacing(path) as part:
-        part.write_bytes(data)
-
-
-def write_text(path, text):
-    """Write a whole UTF-8 file, or nothing."""
-    write_bytes(path, text.encode())
 
 
 class GuardedFile(io.RawIOBase):

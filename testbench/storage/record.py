@@ -30,7 +30,7 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.interrupts import held
-from testbench.storage.files import GuardedFile, discard, explain, lock_part, part_of, publish, seal
+from testbench.storage.files import GuardedFile, Staging, explain, seal
 from testbench.version import VERSION
 
 SCHEMA = "gyrorec/1.0"
@@ -228,11 +228,11 @@ class RecordWriter:
         self._axes = {}
         self._tables = {}
         self.content_sha256 = ""
-        self._lock = lock_part(self.path)
+        self._staging = Staging(self.path)
         try:
-            self._guard = GuardedFile(part_of(self.path))
+            self._guard = GuardedFile(self._staging.new)
         except OSError as problem:
-            self._lock.close()
+            self._staging.close()
             raise explain(self.path, problem) from None
         self._file = h5py.File(self._guard, "w")
 
@@ -241,6 +241,7 @@ class RecordWriter:
 
     @held()  # the HDF5 library calls Python to write, and knows no exceptions
     def __exit__(self, kind, value, traceback):
+        done = False
         try:
             if kind is None:
                 self._finish()
@@ -248,16 +249,17 @@ class RecordWriter:
             self._guard.close()
             self._check()
             if kind is None:
-                seal(part_of(self.path))
-                publish(self.path)
+                seal(self._staging.new)
+                self._staging.finish()
+                done = True
         except OSError as problem:
             raise explain(self.path, self._guard.problem or problem) from None
         finally:
             if self._file:
                 self._file.close()
             self._guard.close()
-            discard(self.path)
-            self._lock.close()
+            if not done:
+                self._staging.close()
 
     def stream(self, name, unit, dtype, num=1, den=1, edge0=0, *, compress=True, **attrs):
         """Declare a stream: numbers of `unit`, num / den rows per clock edge, row 0 at edge `edge0`."""

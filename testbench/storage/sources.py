@@ -10,7 +10,7 @@ import hashlib
 import importlib.util
 from pathlib import Path
 
-from fpga_model import jit
+from fpga_model import kernel_cache
 
 # modules that import what they find in their folder
 FINDERS = ("analog_frontend.effects.catalogue",)
@@ -18,17 +18,17 @@ FINDERS = ("analog_frontend.effects.catalogue",)
 
 def _path(module):
     """Source file of a dotted name, or None; what a package of ours names may be no module."""
-    base = jit.ROOT.joinpath(*module.split("."))
+    base = kernel_cache.ROOT.joinpath(*module.split("."))
     for path in (base.with_suffix(".py"), base / "__init__.py"):
         if path.is_file():
             return path
-    found = None if module.split(".")[0] in jit.PACKAGES else importlib.util.find_spec(module)
+    found = None if module.split(".")[0] in kernel_cache.PACKAGES else importlib.util.find_spec(module)
     return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
 
 
 def _module(path):
     """Dotted name of a source of ours."""
-    return ".".join(path.relative_to(jit.ROOT).with_suffix("").parts).removesuffix(".__init__")
+    return ".".join(path.relative_to(kernel_cache.ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
 @functools.cache
@@ -40,7 +40,7 @@ def reached(*modules):
         if module in seen or (path := _path(module)) is None:
             continue
         seen[module] = path
-        found = [*jit.imported(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
+        found = [*kernel_cache.imported(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
         ahead.extend(_module(source) for source in found)
     return tuple(sorted(seen))
 

@@ -5,7 +5,7 @@ Source    docs/word_lengths.md
 
 from testbench.console.markdown import markdown
 from testbench.console.table import Table
-from testbench.storage.files import write_text
+from testbench.storage.files import together, write_text
 from testbench.study import prediction, study
 
 COSTS = ("registers", "multipliers", "tables")
@@ -167,7 +167,6 @@ def write(result, folder):
     from testbench.console import report
     from testbench.study import study_pictures
 
-    folder.mkdir(parents=True, exist_ok=True)
     pictures = [
         (
             "A dash is the prediction, a disk the simulation. Hollow: the rule does not hold.",
@@ -181,7 +180,8 @@ def write(result, folder):
     said = [f"{row[0]}: outside the rule; ARW {100 * row[4].arw:+.1f} %" for row in result.rows if not row[1]["holds"]]
     shown = tables(result)
     text = "\n\n".join(f"## {table.title}\n\n{markdown(table)}\n\n{table.note}" for table in shown)
-    write_text(folder / f"{result.name}.md", text + "\n")
     path = folder / f"{result.name}.html"
-    report.write_html(path, "Word lengths", shown, pictures, said or ("nothing to mind",))
+    with together():
+        write_text(folder / f"{result.name}.md", text + "\n")
+        report.write_html(path, "Word lengths", shown, pictures, said or ("nothing to mind",))
     return path

@@ -16,13 +16,13 @@ import hashlib
 import json
 import time
 
+from fpga_model.shared_files import open_regular
 from testbench.config import Config, changed, to_toml
 from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_problem, loop_record, loop_runs, loop_trace
 from testbench.measured.record import produce
 from testbench.measured.wide import of_record
 from testbench.storage.files import write_text
-from testbench.storage.lock import regular
 from testbench.storage.record import write_record
 from testbench.tracing.trace import Options
 from tests.sealed import draw
@@ -71,7 +71,7 @@ class Run:
     @contextlib.contextmanager
     def claimed(self, number):
         """True while this process has the record, False where another one has it."""
-        with open(regular(self.path("claims", number)), "r+") as file:
+        with open(open_regular(self.path("claims", number)), "r+") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:

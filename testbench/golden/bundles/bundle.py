@@ -13,24 +13,18 @@ what $readmemh, hread and Python read alike. The hash of the manifest leaves `pr
 Source  docs/conventions.md (rows)
 """
 
-import contextlib
 import hashlib
 import json
 import os
 import re
-import shutil
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 import numpy as np
 
 from testbench.errors import FileError
+from testbench.storage.files import replacing_folder
 from testbench.storage.inputs import checked, read_json, read_text, sha256_of
-
-try:
-    import fcntl
-except ImportError:  # no POSIX: two exports at once into one folder are not kept apart
-    fcntl = None
 
 SCHEMA = "gyro-golden/1.0"
 REPLAY_SCHEMA = "gyro-golden-replay/1.0"
@@ -159,21 +153,6 @@ def manifest_text(manifest):
     return json.dumps(manifest, indent=1, ensure_ascii=True) + "\n"
 
 
-@contextlib.contextmanager
-def alone(folder):
-    """Only one process writes beside `folder` at a time; others wait. The lock ends with its process."""
-    parent = Path(folder).parent
-    parent.mkdir(parents=True, exist_ok=True)
-    handle = os.open(parent, os.O_RDONLY)
-    try:
-        if fcntl is not None:
-            with contextlib.suppress(OSError):  # a file system that locks no folders
-                fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
-
-
 def _fill(part, manifest, files, trees, noted):
     """Write a bundle into the new folder `part`; returns the whole manifest."""
     for name, text in files.items():
@@ -191,32 +170,15 @@ def _fill(part, manifest, files, trees, noted):
 
 
 def write(folder, manifest, files, trees=(), noted=None):
-    """Write a bundle beside `folder` and rename it; a bundle that was there is replaced.
+    """Write a bundle as a whole; a bundle that was there is replaced.
 
     manifest  without hashes
     files     {relative path: text}
     trees     functions of the new folder that write further files into it
     noted     function of the sealed manifest: entries that its provenance gets besides
     """
-    folder = Path(folder)
-    part, old = folder.with_name(folder.name + ".part"), folder.with_name(folder.name + ".old")
-    try:
-        with alone(folder):
-            try:
-                # a process that was killed may have left both
-                shutil.rmtree(part, ignore_errors=True)
-                shutil.rmtree(old, ignore_errors=True)
-                part.mkdir()
-                full = _fill(part, manifest, files, trees, noted)
-                if folder.exists():
-                    os.replace(folder, old)
-                os.replace(part, folder)
-                shutil.rmtree(old, ignore_errors=True)
-            finally:
-                shutil.rmtree(part, ignore_errors=True)
-    except OSError as problem:
-        raise FileError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
-    return full
+    with replacing_folder(folder, MANIFEST) as part:
+        return _fill(part, manifest, files, trees, noted)
 
 
 def _inside(folder, name):

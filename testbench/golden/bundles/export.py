@@ -4,6 +4,7 @@ The whole design, `top`, is exported by `testbench.golden.bundles.top` from reco
 Source  docs/golden.md
 """
 
+import contextlib
 import hashlib
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from testbench.golden.coverage import evidence
 from testbench.golden.ranges import range_report
 from testbench.golden.stimulus import blocks, stimulus
 from testbench.storage import vcd
+from testbench.storage.files import replacing_folder, together
 from testbench.version import VERSION
 
 
@@ -86,10 +88,10 @@ def write(block, case, stim, families, seed, folder):
     return bundle.write(folder, manifest, files, [_waves(block, stim, exp)], scores.note_score)
 
 
-def export_case(block, case, out, seed=stimulus.SEED):
-    """Write the bundle of one case to OUT/<block>/<case>; returns its manifest."""
+def export_case(block, case, folder, seed=stimulus.SEED):
+    """Write the bundle of one case; returns its manifest."""
     stim, families = stimulus.make(block, case, seed)
-    return write(block, case, stim, families, seed, Path(out) / block.stem / case)
+    return write(block, case, stim, families, seed, folder)
 
 
 def chosen(name, others=(), known=blocks.BLOCKS):
@@ -114,13 +116,11 @@ check clean:
 
 
 def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
-    """Write the bundles of a block, of `top`, or of all; returns [(folder, manifest)].
+    """Write the bundles of a block, of `top`, or of all, together; returns [(folder, manifest)].
 
     config  path of a configuration: the blocks of its design, also with its parameters
     frames  of the whole design of a configuration from power-on
     """
-    from testbench.storage.files import write_text
-
     settings, firmware = (None, None) if config is None else design_entry.board(config)
     known = blocks.BLOCKS if config is None else blocks.of_firmware(firmware)
     if config is not None and name in ("all", top.STEM):
@@ -129,18 +129,20 @@ def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
     if name in ("all", top.STEM):
         listed.append(top.block(dict.fromkeys(top.CASES if config is None else top.BOARD_CASES)))
     done, todo = [], [(block, case) for block in listed for case in block.cases]
-    for n, (block, case) in enumerate(todo):
-        if progress is not None:
-            progress(f"{block.stem}/{case}", n, len(todo))
-        if block.stem != top.STEM:
-            manifest = export_case(block, case, out)
-        elif config is None:
-            manifest = top.export_case(case, out)
-        else:
-            manifest = top.export_board(firmware, settings, case, out, frames)
-        done.append((Path(out) / block.stem / case, manifest))
-        makefile = Path(out) / block.stem / "Makefile"
-        if case == list(block.cases)[-1]:
-            with bundle.alone(makefile):
-                write_text(makefile, folder_makefile(block))
+    with together(), contextlib.ExitStack() as stack:
+        # all at the begin, so that a folder that another process writes is refused before hours are spent
+        new = {block.stem: stack.enter_context(replacing_folder(Path(out) / block.stem, keep=True)) for block in listed}
+        for n, (block, case) in enumerate(todo):
+            if progress is not None:
+                progress(f"{block.stem}/{case}", n, len(todo))
+            folder = new[block.stem] / case
+            if block.stem != top.STEM:
+                manifest = export_case(block, case, folder)
+            elif config is None:
+                manifest = top.export_case(case, folder)
+            else:
+                manifest = top.export_board(firmware, settings, case, folder, frames)
+            done.append((Path(out) / block.stem / case, manifest))
+        for block in listed:
+            (new[block.stem] / "Makefile").write_text(folder_makefile(block))
     return done

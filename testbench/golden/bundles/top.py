@@ -306,9 +306,9 @@ def _files(r, judged, at, stim, shown_rows):
     return files, counts
 
 
-def export_case(case, out):
-    """Write the bundle of one case to OUT/top/<case>; returns its manifest."""
-    return write(recording.load(case), Path(out) / STEM / case)
+def export_case(case, folder):
+    """Write the bundle of one case; returns its manifest."""
+    return write(recording.load(case), folder)
 
 
 BOARD_CASES = ("reset", "power_on")
@@ -327,8 +327,8 @@ def check_board(firmware, frames):
     board.check(firmware)
 
 
-def export_board(firmware, config, case, out, frames=BOARD_FRAMES, progress=None):
-    """Write the bundle of one of BOARD_CASES of a board to OUT/top/<case>; returns its manifest.
+def export_board(firmware, config, case, folder, frames=BOARD_FRAMES, progress=None):
+    """Write the bundle of one of BOARD_CASES of a board; returns its manifest.
 
     reset     codes of the shipped case, in the frames of the board: no plant
     power_on  the loop of the board is closed for so many frames from power-on
@@ -342,7 +342,7 @@ def export_board(firmware, config, case, out, frames=BOARD_FRAMES, progress=None
     else:
         made = record.Case(config, lambda _: firmware, frames, row_every=max(1, frames // BOARD_FRAMES))
         r = record.closed_loop(case, made, progress)
-    return write(r._replace(windows=record.windows_of(r)), Path(out) / STEM / case, of_board=True)
+    return write(r._replace(windows=record.windows_of(r)), folder, of_board=True)
 
 
 def begun(r, frames, windows):

@@ -10,13 +10,12 @@ Source  docs/foreign_designs.md, docs/golden.md (pins alone)
 """
 
 import re
-import shutil
-import tempfile
 from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle, top
 from testbench.golden.foreign import design_map, judged, wrapper
+from testbench.storage.files import replacing_folder
 
 KEPT = ("params.vh", "params.svh", "params_pkg.vhd", "Makefile", "run_vunit.py")
 
@@ -69,7 +68,8 @@ def pins_of(folder, level, out, map_path=None, top_name=None, latency=None):
     late = top.late_of(folder, golden.manifest)
     if latency is not None:
         late = {name.removeprefix("o_"): k for name, k in judged.read_latency(latency, golden.manifest, level).items()}
-    _new(out)
+    if out.is_dir() and any(out.iterdir()):
+        raise FileError(f"{out}: exists and is not an empty folder")
     of_board = "design" in golden.manifest
     own = map_path is not None or top_name is not None
     texts = around_top(golden.manifest, map_path, top_name) if own else {}
@@ -103,31 +103,8 @@ def wrap(folder, map_path, level, out, latency_path=None):
     told |= {"level": level, "first_row": found.first, "clocks": found.clocks,
              "of_bundle": golden.manifest["manifest_sha256"]}  # fmt: skip
     texts["manifest.json"] = bundle.canonical(told) + "\n"
-    _write(out, texts)
-    return found
-
-
-def _new(out):
-    """FileError if a folder is there and holds anything."""
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise FileError(f"{out}: exists and is not an empty folder")
-
-
-def _write(out, texts):
-    """Write the files beside the folder, and rename it."""
-    _new(out)
-    part = None
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=out.name + ".", dir=out.parent))
+    with replacing_folder(out) as new:
         for name, text in texts.items():
-            (part / name).parent.mkdir(exist_ok=True)
-            (part / name).write_text(text)
-        part.chmod(0o755)
-        if out.is_dir():
-            out.rmdir()
-        part.rename(out)
-    except OSError as problem:
-        if part is not None:
-            shutil.rmtree(part, ignore_errors=True)
-        raise FileError(f"{out}: cannot be written: {problem.strerror or problem}") from None
+            (new / name).parent.mkdir(exist_ok=True)
+            (new / name).write_text(text)
+    return found

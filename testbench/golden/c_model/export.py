@@ -15,11 +15,11 @@ from pathlib import Path
 
 from analog_frontend.parts import adc_serial
 from testbench.errors import ConfigError
-from testbench.golden.bundles import bundle, design_entry
+from testbench.golden.bundles import design_entry
 from testbench.golden.c_model import dpi, rows
 from testbench.golden.c_model.kinds import NUMBER, kind_of
 from testbench.golden.recording import recording
-from testbench.storage.files import write_text
+from testbench.storage.files import replacing_folder
 
 TEMPLATES = Path(__file__).with_name("templates")
 GOLDEN = "golden"
@@ -70,15 +70,19 @@ def texts(params):
     return files | dpi.texts(made)
 
 
-def export(folder, config=None):
-    """Write the C of a configuration's firmware to `folder`; returns the paths. What else is there stays."""
-    folder = Path(folder)
-    files, written = texts(firmware(config)), []
+def export(folder, config=None, fill=None):
+    """Write the C of a configuration's firmware to `folder`; returns the paths. What else is there stays.
+
+    fill  function that writes more into the new folder, which takes its place as a whole
+    """
+    folder, files = Path(folder), texts(firmware(config))
     for path in sorted(folder.glob("*/*.[ch]")):
         if path.relative_to(folder).as_posix() not in files:
             raise ConfigError(f"{path} is not of this model: make would compile it; move it, or name another folder")
-    with bundle.alone(folder / "Makefile"):
+    with replacing_folder(folder, keep=True) as new:
         for name, text in files.items():
-            write_text(folder / name, text)
-            written.append(folder / name)
-    return written
+            (new / name).parent.mkdir(exist_ok=True)
+            (new / name).write_text(text)
+        if fill:
+            fill(new)
+    return [folder / name for name in files]

@@ -15,7 +15,6 @@ import hashlib
 import io
 import json
 import re
-import shutil
 import uuid
 from datetime import UTC, datetime
 from pathlib import Path
@@ -28,7 +27,7 @@ from testbench.measured.formats.parquet_input import libraries, read_parquet
 from testbench.measured.record.schema import SCHEMA
 from testbench.storage import inputs
 from testbench.storage import record as records
-from testbench.storage.files import discard, explain, part_of, write_bytes
+from testbench.storage.files import replacing_folder
 from testbench.storage.record import Column, Record, RecordError, TableColumn
 from testbench.storage.record_read import DAMAGED, Value
 
@@ -44,22 +43,9 @@ def _sha256(data):
 
 def write(path, record):
     """Write a record as a folder, whole or not at all; an older folder of that name is replaced. Its content hash."""
-    path, part = Path(path), part_of(path)
-    if path.exists() and not (path / HEAD).is_file():
-        raise FileError(f"{path}: exists and is no bundle; it is not replaced")
-    try:
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        head = _head(record, _streams(part, record), _tables(part, record))
-        write_bytes(part / HEAD, json.dumps(head, indent=1, sort_keys=True).encode())
-        if path.exists():
-            shutil.rmtree(path)
-        part.rename(path)
-    except OSError as problem:
-        raise explain(path, problem) from None
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
-        discard(path)
+    with replacing_folder(path, HEAD) as new:
+        head = _head(record, _streams(new, record), _tables(new, record))
+        (new / HEAD).write_bytes(json.dumps(head, indent=1, sort_keys=True).encode())
     return head["content_sha256"]
 
 
@@ -76,7 +62,7 @@ def _streams(folder, record):
         parquet.write_table(table, sink, compression="zstd")
         file = f"streams_{num}_{den}.parquet"
         file = file if file not in out else f"streams_{num}_{den}_{rows}.parquet"
-        write_bytes(folder / file, sink.getvalue())
+        (folder / file).write_bytes(sink.getvalue())
         out[file] = {"sha256": _sha256(sink.getvalue()), "columns": names}
     return out
 
@@ -98,7 +84,7 @@ def _tables(folder, record):
             zip(*([repr(v) if isinstance(v, float) else v for v in c.data.tolist()] for c in table.values()))
         )
         data, file = text.getvalue().encode(), f"{name.replace('/', '.')}.csv"
-        write_bytes(folder / file, data)
+        (folder / file).write_bytes(data)
         columns = [
             {
                 "name": key,

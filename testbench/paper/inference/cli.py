@@ -30,13 +30,12 @@ def infer(o):
     outputs.check_folder(o.out)
     with Progress(quiet=o.as_json) as progress:
         from testbench.paper.inference import files, page, study
+        from testbench.storage.files import together
 
         found = study.study(progress=progress)
-        o.out.mkdir(parents=True, exist_ok=True)
-        written = [
-            str(p)
-            for p in (*files.write(found, o.out / "paper_inferred.toml"), page.write(found, o.out / "inference.html"))
-        ]
+        with together():
+            paths = files.write(found, o.out / "paper_inferred.toml")
+            written = [str(p) for p in (*paths, page.write(found, o.out / "inference.html"))]
     if o.as_json:
         print_json(files.rounded(found) | {"files": written})
         return

@@ -43,7 +43,6 @@ def loop(
             study.simulate()
         written = None
         if report is not None:
-            report.mkdir(parents=True, exist_ok=True)
             written = str(loop_page.write(study, report, progress))
     if as_json:
         print_json({**loop_page.as_json(study), "files": [written] if written else []})

@@ -34,7 +34,7 @@ def drawn():
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory):
-    return figure_files.write(drawn(), tmp_path_factory.mktemp("figures"))
+    return figure_files.write(drawn(), tmp_path_factory.mktemp("figures"))[0]
 
 
 def rows_of(path):

@@ -177,7 +177,7 @@ def test_the_reference_rtl_passes_the_whole_design_of_a_board(whole, tmp_path):
 @pytest.mark.slow
 def test_the_case_reset_of_a_board_goes_through_all_states(tmp_path):
     settings_, firmware = design_entry.board(LOW_COST)
-    manifest = top.export_board(firmware, settings_, "reset", tmp_path)
+    manifest = top.export_board(firmware, settings_, "reset", tmp_path / "top" / "reset")
     shown = " ".join(window["shows"] for window in manifest["windows"])
     assert all(text in shown for text in REACHED), shown
 

@@ -252,7 +252,7 @@ def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
     done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
     assert done.returncode == 2
     assert "rows differ, the first is row " in done.stdout
-    with pytest.raises(FileError, match="not an empty folder"):
+    with pytest.raises(FileError, match="is not empty"):
         wrap.wrap(bundles(stem) / case, own / "map.toml", level, out)
 
 

@@ -134,7 +134,7 @@ def icarus(tmp_path_factory):
     """Function (plusargs): what the bench says of the RTL, whose wires behind the bank can be held at 0 and 1."""
     need("iverilog")
     folder = tmp_path_factory.mktemp("registers")
-    golden.export_case("registers", folder)
+    golden.export_case("registers", folder / "top" / "registers")
     folder = folder / "top" / "registers"
     text, wires = (RTL / "top.v").read_text(), []
     for r in registers.WRITABLE:

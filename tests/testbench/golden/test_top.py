@@ -35,7 +35,7 @@ END = recording.load(CASE).frames * FRAME_CYCLES  # clocks of the case
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
     folder = tmp_path_factory.mktemp("top")
-    top.export_case(CASE, folder)
+    top.export_case(CASE, folder / "top" / CASE)
     return folder / "top"
 
 
@@ -151,7 +151,7 @@ def test_bundle_is_the_one_that_was_shipped(out):
 @pytest.mark.slow
 @pytest.mark.parametrize("case", top.CASES)
 def test_export_again_is_byte_identical(out, case, tmp_path):
-    manifest = top.export_case(case, tmp_path)
+    manifest = top.export_case(case, tmp_path / "top" / case)
     assert manifest["manifest_sha256"] == json.loads(PINNED.read_text())[f"{top.STEM}/{case}"]
     assert case != CASE or hashes(tmp_path / "top" / case) == hashes(out / case)
 
@@ -392,7 +392,7 @@ def test_reference_rtl_passes(out, sim, frames):
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [case for case in top.CASES if case != CASE])
 def test_reference_rtl_passes_every_other_case(tmp_path, case):
-    top.export_case(case, tmp_path)
+    top.export_case(case, tmp_path / "top" / case)
     done = check(tmp_path / "top" / case, "verilator", RTL, 0)
     assert done.returncode == 0, done.stdout
     assert f"PASS top/{case}" in done.stdout

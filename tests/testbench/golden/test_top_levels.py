@@ -26,7 +26,7 @@ CASE, FRAMES, QUIET = "reset", 3, 5000  # QUIET: a clock without a row
 def out(tmp_path_factory):
     """Bundle of the first frames, with hardly a row: what differs is seen by signatures."""
     place = tmp_path_factory.mktemp("levels")
-    top.export_case(CASE, place)
+    top.export_case(CASE, place / "top" / CASE)
     top.window(place / "top" / CASE, FRAMES * FRAME_CYCLES - 50, 50, place / "few")
     return place / "few"
 

@@ -288,7 +288,7 @@ def test_a_living_run_has_its_folder_alone(interrupted, tmp_path, argv):
     living.hold()
     got = gyro("run", *argv, folder=tmp_path)
     assert (got.returncode, got.stdout) == (2, "")
-    assert got.stderr == "gyro: out: another run is at work in this folder\n"
+    assert got.stderr.startswith(f"gyro: out: another run is at work in this folder: process {os.getpid()} on ")
     assert contents(tmp_path / "out") == kept
     living.release()
 

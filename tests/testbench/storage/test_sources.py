@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from fpga_model import jit
+from fpga_model import kernel_cache
 from testbench.campaign.plan import engines
 from testbench.errors import ConfigError
 from testbench.storage import sources
@@ -28,9 +28,9 @@ def test_the_frame_engine_reaches_firmware_plant_and_statistics():
 
 
 def test_an_edit_counts_where_it_is_reached(tmp_path, monkeypatch):
-    for package in jit.PACKAGES:
-        shutil.copytree(jit.ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(jit, "ROOT", tmp_path)
+    for package in kernel_cache.PACKAGES:
+        shutil.copytree(kernel_cache.ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(kernel_cache, "ROOT", tmp_path)
 
     def code():
         sources.reached.cache_clear()
