@@ -28,7 +28,9 @@ SETS = ("output.checkpoint_s=0.05", 'scenario.register_writes=[[0.2, "phase_driv
 RUN = ("run", "--resume", "state.h5", "--seconds", "0.4", "--rate-dps", "100", "--json", "--out", OUT,
        *(part for text in SETS for part in ("--set", text)))  # fmt: skip
 RESUME = ("run", "--resume-run", OUT, "--json")
-REFUSED = re.compile(r"gyro: same: (another run is at work in this folder: process .*|holds an unfinished run; .*|holds no .*)\n")
+REFUSED = re.compile(
+    r"gyro: same: (another run is at work in this folder: process .*|holds an unfinished run; .*|holds no .*)\n"
+)
 OF_THE_WALL = ("wall_s", "real_time_factor")
 
 

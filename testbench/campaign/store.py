@@ -148,7 +148,11 @@ class Store:
     def claim(self, address):
         """Keep every other process from this point; waits while another one has it."""
         path = self.path / "claims" / address
-        with shared_files.wait_for_lock(path, "is at work on this point"):
+        try:
+            lock = shared_files.wait_for_lock(path, "is at work on this point")
+        except OSError as problem:
+            raise explain(path, problem) from None
+        with lock:
             yield
             # whoever waited for this file sees the point, and needs no claim
             if self.has(address):

@@ -154,7 +154,8 @@ def publish(*stagings):
     for staging in stagings:
         new, path, folder = staging.new, staging.path, staging.new.is_dir()
         if path.exists() and path.is_dir() != folder:
-            raise FileError(f"{path}: cannot be written: it is {'no' if folder else 'a'} folder")
+            number = errno.ENOTDIR if folder else errno.EISDIR
+            raise OSError(number, os.strerror(number), str(path))
         if folder and path.exists():
             if len(stagings) == 1 and _exchange(new, path):
                 return

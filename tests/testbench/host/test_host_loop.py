@@ -26,7 +26,7 @@ SEGMENTS = ((0.0, 5, 7.8, 0.0, 467), (100.0, 5, 7.8, 0.0, 467), (-50.0, 5, 7.8, 
 def test_a_folder_with_something_else_is_not_replaced(tmp_path):
     (tmp_path / "host").mkdir()
     (tmp_path / "host" / "mine.txt").write_text("mine")
-    with pytest.raises(FileError, match="host: is not empty and has no gyro_loop.h"):
+    with pytest.raises(FileError, match=r"host: is not empty and has no gyro_loop\.h"):
         export.export(tmp_path / "host", Config())
     assert (tmp_path / "host" / "mine.txt").read_text() == "mine"
 

@@ -303,7 +303,7 @@ def test_a_bundle_does_not_lead_out_of_its_folder(small, tmp_path, name):
 def test_other_folders_are_not_replaced(small, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years")
-    with pytest.raises(FileError, match="has no record.json"):
+    with pytest.raises(FileError, match=r"has no record\.json"):
         bundle.write(tmp_path / "mine", small)
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "years"
 

@@ -163,7 +163,7 @@ def test_another_board_has_its_own_map(exported, tmp_path):
 
 def test_a_folder_of_anything_else_is_not_replaced(exported, tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(FileError, match="has no gyro_registers.rdl"):
+    with pytest.raises(FileError, match=r"has no gyro_registers\.rdl"):
         export(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
     with pytest.raises(FileError, match="cannot be written"):

@@ -441,8 +441,8 @@ def test_a_real_limit_on_file_size_is_one_line_and_leaves_nothing(tmp_path):
 
 def test_an_unwritable_place_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
-    for path, why in ((tmp_path / "file" / "run.h5", "Not a directory"), (tmp_path, "it is a folder")):
-        with pytest.raises(FileError, match=f"cannot be written: {why}|cannot be written: File exists|{path}: is no folder"):
+    for path, why in ((tmp_path / "file" / "run.h5", "Not a directory"), (tmp_path, "Is a directory")):
+        with pytest.raises(FileError, match=f"cannot be written: {why}|cannot be written: File exists"):
             write_noise(path, 1)
 
 
