@@ -2,6 +2,8 @@
 
     run, campaign               60 pairs of starts, 60 kills: 20 each of TERM, INT, KILL
     dask, paper, golden, trace  12 pairs, 15 kills: 5 each
+    every other command that writes several files   3 pairs, 3 kills
+    cache                       runs on a damaged kernel cache
 
 A case is drawn by its seed, so `--only N --seed S` repeats it. With `--minutes` all names take turns until the time
 is over. Prints a line for each wrong case, then a table of counts; the exit code is 1 if anything was wrong.
@@ -15,11 +17,13 @@ import tempfile
 import time
 from collections import Counter
 
-from tests import kills_campaign, kills_golden, kills_run
+from tests import kills_cache, kills_campaign, kills_golden, kills_run, kills_writers
 
-CASES = {**kills_run.CASES, **kills_campaign.CASES, **kills_golden.CASES}
-MANY, FEW = (60, 60), (12, 15)  # pairs, kills
-COUNTS = {name: MANY if name in ("run", "campaign") else FEW for name in CASES}
+CASES = {**kills_run.CASES, **kills_campaign.CASES, **kills_golden.CASES, **kills_writers.CASES, **kills_cache.CASES}
+MANY, FEW, FEWEST = (60, 60), (12, 15), (3, 3)  # pairs, kills
+COUNTS = {
+    name: MANY if name in ("run", "campaign") else FEWEST if name in kills_writers.CASES else FEW for name in CASES
+}
 QUICK = ("run", "campaign", "golden", "tracing", "dask")  # a case takes seconds, of the others a minute
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 

@@ -13,7 +13,7 @@ from testbench import config as configuration
 from testbench.paper.calibration import boards
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.calibration.calibrate import NODES, REGISTER, calibrate
-from testbench.storage.files import write_text
+from testbench.storage.files import together, write_text
 
 PAPER_LEVEL_DEG, TARGET_DEG = 0.012, 0.002
 
@@ -97,17 +97,17 @@ def case_config(base, phases_deg):
 
 def write_cases(results, base, seed, directory):
     """Files that `gyro run --config` reads: case_1.toml .. case_5.toml, of many boards in board_N. Returns paths."""
-    paths = []
+    texts = {}
     for result in results:
         lone = len(results) == 1 and seed is None
         folder = Path(directory) if lone else Path(directory) / f"board_{result['board']}"
         board = base if lone else boards.draw(base, seed or 0, result["board"])
-        folder.mkdir(parents=True, exist_ok=True)
         for case, values in result["cases_deg"].items():
-            path = folder / f"case_{case}.toml"
-            write_text(path, configuration.to_toml(case_config(board, values)))
-            paths.append(path)
-    return paths
+            texts[folder / f"case_{case}.toml"] = configuration.to_toml(case_config(board, values))
+    with together():
+        for path, text in texts.items():
+            write_text(path, text)
+    return list(texts)
 
 
 __all__ = ["NODES", "PAPER_LEVEL_DEG", "REGISTER", "TARGET_DEG", "case_config", "many", "one", "summary", "write_cases"]
