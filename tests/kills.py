@@ -21,9 +21,7 @@ from tests import kills_cache, kills_campaign, kills_golden, kills_run, kills_wr
 
 CASES = {**kills_run.CASES, **kills_campaign.CASES, **kills_golden.CASES, **kills_writers.CASES, **kills_cache.CASES}
 MANY, FEW, FEWEST = (60, 60), (12, 15), (3, 3)  # pairs, kills
-COUNTS = {
-    name: MANY if name in ("run", "campaign") else FEWEST if name in kills_writers.CASES else FEW for name in CASES
-}
+COUNTS = dict.fromkeys(CASES, FEW) | dict.fromkeys(kills_writers.CASES, FEWEST) | {"run": MANY, "campaign": MANY}
 QUICK = ("run", "campaign", "golden", "tracing", "dask")  # a case takes seconds, of the others a minute
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 

@@ -27,6 +27,8 @@ from tests.processes import ROOT, difference, ended, environment, killed_after, 
 
 OUT = "out"
 PATIENCE_S = 600.0
+VECTORS = ("golden", "export", "dds")
+SMALLER = "[design]\ndds_bits = 40\n"
 BITS = ("--set", "design.dds_bits=40")
 STUDY = """
 name = "small"
@@ -94,18 +96,17 @@ def _tables():
 
 
 def _both(command, *rest):
-    return (*command, "--out", OUT), (*command, "--out", OUT, *rest)
+    return command, (*command, *rest)
 
 
 WRITERS = {
-    "registers": Writer(*_both(("registers",), *BITS)),
-    "host": Writer(*_both(("host",), "--bus", "axi")),
-    "fmu": Writer(*_both(("fmu",), *BITS)),
-    "c_model": Writer(("golden", "export", "dds", "--c", OUT), ("golden", "export", "dds", "--c", OUT, "--config", "b.toml"),
-                      lambda: {"b.toml": "[design]\nsine_bits = 16\n"}),
-    "vectors": Writer(("golden", "export", "dds", "--out", OUT), ("golden", "export", "dds", "--out", OUT, "--config", "b.toml"),
-                      lambda: {"b.toml": "[design]\ndds_bits = 40\n"}),
-    "design": Writer(*(("design", f"{k}.toml", "--out", f"{OUT}/board.toml", "--report", OUT) for k in (20, 30)), _targets),
+    "registers": Writer(*_both(("registers", "--out", OUT), *BITS)),
+    "host": Writer(*_both(("host", "--out", OUT), "--bus", "axi")),
+    "fmu": Writer(*_both(("fmu", "--out", OUT), *BITS)),
+    "c_model": Writer(*_both((*VECTORS, "--c", OUT), "--config", "b.toml"), lambda: {"b.toml": SMALLER}),
+    "vectors": Writer(*_both((*VECTORS, "--out", OUT), "--config", "b.toml"), lambda: {"b.toml": SMALLER}),
+    "design": Writer(*(("design", f"{k}.toml", "--out", f"{OUT}/board.toml", "--report", OUT) for k in (20, 30)),
+                     _targets),
     "infer": Writer(_infer(1), _infer(2)),
     "record": Writer(*(("measured", "record", f"{k}.toml", "--out", f"{OUT}/record", "--envelope", f"{OUT}/hidden.json")
                        for k in (1, 2)), _plans),
