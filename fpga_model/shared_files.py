@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
-PATIENCE_S = 2.0  # whoever waits longer says for whom
+PATIENCE_S = 1.0  # whoever waits longer says for whom
 MOST_OWNER_BYTES = 200
 
 
