@@ -19,7 +19,7 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.storage import inputs, sources
-from testbench.storage.files import SEAL, SEAL_BYTES
+from testbench.storage.files import SEAL, SEAL_BYTES, refuse_foreign_links
 
 COMPUTES = ("testbench.measured.openers", "testbench.tracing.trace")
 LIBRARIES = ("numba", "numpy", "scipy")
@@ -60,6 +60,7 @@ class Store:
 
     def _write(self, key, ending, data):
         target = self._file(key, ending)
+        refuse_foreign_links(target.parent)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             handle, part = tempfile.mkstemp(dir=target.parent, suffix=".part")

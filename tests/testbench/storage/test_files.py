@@ -14,8 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from testbench.campaign import store
 from testbench.errors import FileError
-from testbench.storage import files
+from testbench.run import outputs
+from testbench.storage import checkpoint, files
+from testbench.tracing.problem import checkpoint as kept
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = ("a.txt", "b.txt", "sub/c.txt")
@@ -247,6 +250,37 @@ def test_a_link_of_the_user_to_a_folder_is_followed(tmp_path):
         (new / "b.txt").write_text("b")
     assert sorted(p.name for p in (tmp_path / "disk").iterdir()) == ["a.txt", "b.txt"]
     assert (tmp_path / "out").is_symlink()
+
+
+def begin_a_run(folder):
+    with checkpoint.Partial(folder) as partial:
+        partial.begin("")
+
+
+WRITERS = {
+    "run": (begin_a_run, "run.partial"),
+    "probe": (outputs.check_folder, "."),
+    "campaign": (lambda folder: store.Store.at(folder, create=True), "points"),
+    "trace": (lambda folder: kept.Store(folder).save_arrays("ab" * 32, []), kept.code_sha256()[:16]),
+}
+
+
+@as_root
+@pytest.mark.parametrize("name", WRITERS)
+def test_what_keeps_work_in_a_folder_follows_no_link_of_another_user(tmp_path, name):
+    mine, folder = victim(tmp_path), tmp_path / "out"
+    write, place = WRITERS[name]
+    if place == ".":
+        folder.symlink_to(mine.parent)
+    else:
+        folder.mkdir()
+        (folder / place).symlink_to(mine.parent)
+    for path in (folder, *folder.rglob("*")):
+        os.chown(path, NOBODY, NOBODY, follow_symlinks=False)
+    with pytest.raises(FileError, match=r"a link of another user|is no folder"):
+        write(folder)
+    assert [p.name for p in mine.parent.iterdir()] == ["victim.txt"]
+    assert mine.read_text() == "mine"
 
 
 @as_root
