@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.processes import before_sources, difference, ended, killed_after, start, tree_of, wrong_end
-from tests.testbench.campaign.helpers import plan_file
+from tests.testbench.campaign.helpers import OPTIONS, plan_file
 
 AT_ONCE_S = 0.3
 NOT_RESULTS = ("journal/*", "claims/*", "lock", "store.json*", "*/journal/*", "*/claims/*", "*/lock", "*/store.json*",
@@ -131,7 +131,7 @@ def _as_expected(what, expected, folder):
 
 def _campaign(*where):
     def arguments(folder):
-        return ("campaign", "run", plan_file(folder, 2, 6, 2), "--out", "out", *where)
+        return ("campaign", "run", plan_file(folder, 2, 6, 2), "--out", "out", *where, *OPTIONS)
 
     return arguments
 

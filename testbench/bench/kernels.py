@@ -45,7 +45,7 @@ def gyroscope(engine_name, locked=True, changes=None, codes=True):
     codes  whether the codes are kept and hashed
     """
     first = "frame" if locked and engine_name == "clocked" else engine_name  # to lock with the same bits, sooner
-    sim = Simulation(config.changed(config.Config(), changes or {}), TEMP_DEGC, TEMP_DEGC, engine=first)
+    sim = Simulation(config.changed(config.Config(), changes or {}, library=True), TEMP_DEGC, TEMP_DEGC, engine=first)
     sim.keep_rows, sim.keep_codes = False, codes
     sim.now = (np.array([RATE_RAD_S]), np.array([TEMP_DEGC]))
     if locked:

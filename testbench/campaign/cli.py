@@ -29,6 +29,10 @@ Sets = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="One value over the plan's [set]; may be repeated."),
 ]
+Engines = Annotated[
+    list[str] | None,
+    typer.Option("--engine", metavar="NAME=PLACE", help="Engine of one's own, at package.module:OBJECT; repeatable."),
+]
 EXIT_FAILED = 2
 SHOWN_FAILURES = 5
 
@@ -38,6 +42,7 @@ def run(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")],
     sets: Sets = None,
+    own_engines: Engines = None,
     workers: Annotated[
         int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
     ] = None,
@@ -58,7 +63,7 @@ def run(
     from testbench.campaign.plan.plan import read
     from testbench.campaign.progress import Progress
 
-    wanted = read(plan, sets or ())
+    wanted = read(plan, sets or (), own_engines or ())
     try:
         report = execute.run(wanted, out, _executor(workers, scheduler, cluster), Progress(quiet=as_json))
     except KeyboardInterrupt:
@@ -110,12 +115,13 @@ def _print_report(report, as_json):
 def check(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
     sets: Sets = None,
+    own_engines: Engines = None,
     as_json: Json = False,
 ):
     """Check every point of a plan, and say what it would run."""
     from testbench.campaign.plan import plan as plans
 
-    wanted = plans.read(plan, sets or ())
+    wanted = plans.read(plan, sets or (), own_engines or ())
     points, _ = plans.points(wanted)
     unique = len({point.address for point in points})
     axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in wanted.axes]
@@ -258,12 +264,13 @@ def rerun(
     store: StorePath,
     point: Annotated[str, typer.Argument(metavar="POINT", help="Address, or its first digits.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where the new file goes.")] = None,
+    own_engines: Engines = None,
     as_json: Json = False,
 ):
     """Run one finished point alone, here, and compare it with its file byte for byte."""
     from testbench.campaign.rerun import rerun as again
 
-    report = again(store, point, out)
+    report = again(store, point, out, own_engines or ())
     if as_json:
         print_json(report._asdict())
     else:

@@ -33,13 +33,20 @@ def find(store, prefix):
     return found[0]
 
 
-def rerun(path, prefix, out=None):
-    """`Rerun` of a point; `out` takes the new file. FileError if the sources are others than those it was made by."""
+def rerun(path, prefix, out=None, own_engines=()):
+    """`Rerun` of a point; FileError if the sources are others than those it was made by.
+
+    out          takes the new file
+    own_engines  texts as of `--engine`
+    """
+    own = engines.parse_options(own_engines)
     store = Store.at(path)
     address = find(store, prefix)
     identity, before = collect.read_point(store, address)
     data = parsed(identity)
-    code = engines.code_of(engines.load(data.engine))
+    engines.permit(data.engine, own, store.point(address))
+    engine = engines.load(data.engine)
+    code = engines.code_of(engine)
     if code != data.code:
         raise FileError(
             f"{store.point(address)}: was made by sources {data.code[:12]}, these are {code[:12]}: "
@@ -48,7 +55,7 @@ def rerun(path, prefix, out=None):
     state = state_of(data, store.path / "states")
     if state is not None and hashlib.sha256(inputs.read_bytes(state)).hexdigest() != state.stem:
         raise FileError(f"{state}: is damaged: its SHA-256 is not its name; run the campaign again")
-    made, _ = work.compute(identity, store.path / "states")
+    made, _ = work.compute(identity, store.path / "states", engine)
     if out is not None:
         write_bytes(out, made)
     kept = store.point(address).read_bytes()

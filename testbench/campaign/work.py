@@ -27,7 +27,7 @@ DONE, FOUND, FAILED, STOP = "done", "found", "failed", "stop"
 
 
 class Batch(NamedTuple):
-    """Points that share one call of an engine, by their identities."""
+    """Points that share one call of an engine, by their identities; `engine` is the command's word, not a file's."""
 
     engine: str
     identities: list
@@ -68,10 +68,9 @@ def _prepared(name, store_path):
     return engine
 
 
-def compute(identity, states):
-    """(bytes of the point's file, numbers) of one point, alone; the identity's code is not compared."""
+def compute(identity, states, engine):
+    """(bytes of the point's file, numbers) of one point by an `Engine`, alone; the identity's code is not compared."""
     task = task_of(identity, states)
-    engine = engines.load(task.engine)
     keeper = Keeper(task.keep, task.config.design_record())
     (numbers,) = engine.play([task.config], [keeper])
     if isinstance(numbers, BaseException):

@@ -33,6 +33,7 @@ from testbench.errors import ConfigError
 from testbench.storage.inputs import read_toml
 
 LIBRARY = "scenario.plant"  # the one key that no file may set: what it names runs here
+PERMITTED = ("--plant", "caller", "compared only")  # the option; code that permits it; nothing is built
 
 
 def _profile(lo, hi, unit):
@@ -407,11 +408,12 @@ def load(path=None, overrides=()):
 def from_dict(tree, source="config", origin=None):
     """Checked `Config` from nested dicts; `origin` names the option that gave a dotted path, if not `source`.
 
-    A library runs here, so no file can name one: `scenario.plant` without an origin is an error.
+    A library runs here, so neither a file nor --set can name one: `origin` of `scenario.plant` is one of `PERMITTED`.
     """
     scenario_section = tree.get("scenario")
-    if LIBRARY not in (origin or {}) and isinstance(scenario_section, dict) and scenario_section.get("plant"):
-        raise ConfigError(f"{source}: {LIBRARY} names a library that would run here; only the option --plant can")
+    given = (origin or {}).get(LIBRARY, source)
+    if given not in PERMITTED and isinstance(scenario_section, dict) and scenario_section.get("plant"):
+        raise ConfigError(f"{given}: {LIBRARY} names a library that would run here; only the option --plant can")
     tree, filled = followed(tree)
     try:
         return Config.model_validate(tree)
@@ -428,22 +430,23 @@ def _place(error):
     return section, ".".join(map(str, key)).strip(".")
 
 
-def changed(config, values):
+def changed(config, values, library=False):
     """The same configuration with {"section.key": value, ...} in place, checked as a file would be.
 
-    What equals a key of [nominal] that changes follows it, as what a file does not give would.
+    What equals a key of [nominal] that changes follows it, as what a file does not give would. `library` permits
+    `scenario.plant` among the values: a library that runs here.
     """
     tree = released(config.model_dump(), values)
     for path, value in values.items():
         section, key = path.split(".")
         tree.setdefault(section, {})[key] = value
-    return from_dict(tree, "changed", {LIBRARY: "changed"})
+    return from_dict(tree, "changed", {LIBRARY: "caller"} if library or LIBRARY not in values else {})
 
 
 def placeless(config):
     """The same configuration without where its output lies: what a record and a state keep, the same in any folder."""
     names = {f"scenario.{key}": Path(getattr(config.scenario, key)).name for key in ("plant", "plant_file")}
-    return changed(config, {"output.directory": Output().directory} | names)
+    return changed(config, {"output.directory": Output().directory} | names, library=True)
 
 
 @functools.cache

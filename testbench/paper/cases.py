@@ -21,7 +21,7 @@ def plan_text(cases_deg, seconds, temperatures=TEMPERATURES_DEGC):
     cases_deg  {case: {register: deg}}
     seconds    length of the record at rest
     """
-    lines = [f'name = "{NAME}"', 'engine = "testbench.paper.measure.characterise:POINTS"', f'base = "{BASE}"', ""]
+    lines = [f'name = "{NAME}"', 'engine = "characterise"', f'base = "{BASE}"', ""]
     lines += ["[set]", f"scenario.seconds = {float(seconds)!r}", "scenario.diagnose = false"]
     for case, phases in cases_deg.items():
         lines += ["", "[[axes.case.cases]]", f'name = "{case}"']

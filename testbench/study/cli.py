@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from testbench.campaign.cli import Sets
+from testbench.campaign.cli import Engines, Sets
 from testbench.console.options import Json
 from testbench.console.show import print_json, print_list, print_tables
 
@@ -17,6 +17,7 @@ def study(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Plan with an axis of designs and one of seeds.")],
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of points, predictions and page.")],
     sets: Sets = None,
+    own_engines: Engines = None,
     workers: Annotated[
         int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
     ] = None,
@@ -28,7 +29,8 @@ def study(
     from testbench.study import study as studies
     from testbench.study import study_page
 
-    result, report = studies.run(plan, out, local(workers), Progress(quiet=as_json), sets or ())
+    show, own = Progress(quiet=as_json), own_engines or ()
+    result, report = studies.run(plan, out, local(workers), show, sets or (), own_engines=own)
     page = study_page.write(result, out / "results")
     files = [*map(str, report.files), str(page)]
     if as_json:

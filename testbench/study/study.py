@@ -42,9 +42,9 @@ TAU_S = prediction.TAU_S
 KEEP_SHARE, KEEP_PPM, KEEP_HZ = 0.05, 100.0, 0.3
 
 
-def read(path, sets=()):
-    """`Plan` of a study; ConfigError for one without its two axes."""
-    plan = plans.read(path, sets)
+def read(path, sets=(), own_engines=()):
+    """`Plan` of a study, as `campaign.plan.plan.read`; ConfigError for one without its two axes."""
+    plan = plans.read(path, sets, own_engines)
     axes = {axis.name: axis for axis in plan.axes}
     if set(axes) != set(AXES) or not axes["design"].cases or list(axes["seed"].values) != ["noise.seed"]:
         raise ConfigError(f"{path}: a study has the axes seed, of noise.seed alone, and design, of cases")
@@ -228,11 +228,11 @@ class Result(NamedTuple):
             yield case, one["predicted"], cost.Cost(**one["cost"]), seen, deviation(seen, one["predicted"])
 
 
-def run(path, out, executor, progress, sets=(), say=None):
+def run(path, out, executor, progress, sets=(), say=None, own_engines=()):
     """Predict, run what is missing, compare: (`Result`, the campaign's report). As `campaign.execute.run`."""
     from testbench.campaign import execute
 
-    plan = read(path, sets)
+    plan = read(path, sets, own_engines)
     plans.points(plan)  # refused before anything is written
     store = Store.at(out, create=True)
     written = write_predictions(plan, store, say)

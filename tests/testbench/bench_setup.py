@@ -14,7 +14,8 @@ QUIET = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "a
 
 def configured(**values):
     """A checked configuration; dots in the names are written as two underscores."""
-    return config.changed(config.Config(), {key.replace("__", "."): value for key, value in values.items()})
+    values = {key.replace("__", "."): value for key, value in values.items()}
+    return config.changed(config.Config(), values, library=True)
 
 
 def board(name):

@@ -1,6 +1,6 @@
 """A plan: which configurations, which engine, what is kept. TOML in, checked points out, one line for what is wrong.
 
-    name, engine, base      text, engine (or an axis of engines), TOML configuration to start from
+    name, engine, base      text, name of an engine (or an axis of them), TOML configuration to start from
     [set]                   values over the base, as --set
     [axes.NAME]             a dimension: parameters that move together; different axes are multiplied
     [keep]                  frames, tau_s;  [keep.streams] column = frames;  [keep.statistics] column = [names]
@@ -58,6 +58,7 @@ class Plan(NamedTuple):
     source: str
     folder: Path
     origin: dict  # {dotted path: where it was given}, for error lines
+    engines: dict  # {name of an engine: what `engines.load` takes}
 
     @property
     def shape(self):
@@ -99,9 +100,13 @@ def _table(value, where):
     return value
 
 
-def read(path, sets=()):
-    """`Plan` of a TOML file; `sets` are texts as of `--set`, which win over [set]."""
-    path = Path(path)
+def read(path, sets=(), own_engines=()):
+    """`Plan` of a TOML file.
+
+    sets         texts as of `--set`, which win over [set]
+    own_engines  texts as of `--engine`
+    """
+    path, own = Path(path), engines.parse_options(own_engines)
     tree = read_toml(path)
     for key in tree:
         if key not in KEYS:
@@ -120,7 +125,7 @@ def read(path, sets=()):
         base.pop("output", None)
         base.get("scenario", {}).pop("engine", None)
     engine = tree.get("engine", "frame")
-    engines.check_name(engine, f"{path}: engine")
+    found = engines.find(engine, own, f"{path}: engine")
     given = _flat(_table(tree.get("set", {}), f"{path}: set"), f"{path}: [set]")
     origin |= dict.fromkeys(given, f"{path}: [set]")
     for item in (configuration.parse_set(text) for text in sets):
@@ -132,10 +137,13 @@ def read(path, sets=()):
         _put(base, dotted, value, origin[dotted])
     owner = {dotted: "--set" if origin[dotted] == "--set" else SET for dotted in given}
     axes = _axes(_table(tree.get("axes", {}), f"{path}: axes"), path, owner)
+    known = {engine: found}
     for axis in axes:
         origin |= dict.fromkeys(axis.values, f"{path}: [axes.{axis.name}]")
+        names = [name for name in axis.values.get(ENGINE, ()) if name is not None]
+        known |= {name: engines.find(name, own, f"{path}: [axes.{axis.name}] engine") for name in names}
     keep = _keep(_table(tree.get("keep", {}), f"{path}: keep"), path)
-    return Plan(name, engine, base, axes, keep, str(path), path.parent, origin)
+    return Plan(name, engine, base, axes, keep, str(path), path.parent, origin, known)
 
 
 def _put(tree, dotted, value, where):
@@ -203,8 +211,6 @@ def _axis(name, table, where):
     if length > MAX_POINTS:
         raise ConfigError(f"{where} has {length} values, above the limit {MAX_POINTS}")
     values = {dotted: spec.values(length, seed) for dotted, spec in specs.items()}
-    for one in values.get(ENGINE, ()):
-        engines.check_name(one, f"{where} engine")
     return Axis(name, length, values)
 
 
@@ -223,8 +229,6 @@ def _cases(name, table, where):
             raise ConfigError(f"{where} cases[{k}].name = {toml_of(title)} is not a text of its own")
         names.append(title)
         rows.append(_flat({key: v for key, v in case.items() if key != "name"}, f"{where} cases[{k}]"))
-        if ENGINE in rows[-1]:
-            engines.check_name(rows[-1][ENGINE], f"{where} cases[{k}].engine")
     paths = list(dict.fromkeys(dotted for row in rows for dotted in row))
     return Axis(name, len(cases), {dotted: [row.get(dotted) for row in rows] for dotted in paths}, tuple(names))
 
@@ -274,7 +278,7 @@ def _taus(values, where):
 
 
 def tree_of(plan, index):
-    """(nested configuration, engine) at a place on the axes."""
+    """(nested configuration, name of the engine) at a place on the axes."""
     tree = {section: dict(keys) if isinstance(keys, dict) else keys for section, keys in plan.tree.items()}
     engine = plan.engine
     for axis, k in zip(plan.axes, index):
@@ -294,7 +298,8 @@ def points(plan):
 
     out, states, known, rates = [], {}, {}, set()
     for number, index in enumerate(itertools.product(*(range(n) for n in plan.shape))):
-        tree, engine = tree_of(plan, index)
+        tree, name = tree_of(plan, index)
+        engine = plan.engines[name]
         config = _checked(plan, tree, number, design_check.check)
         rates.add(config.design_record().frame_hz)
         digest = ""

@@ -33,7 +33,7 @@ PROFILES = ("rate_dps", "temperature_degc")  # may hold integers, which are no o
 
 
 class Point(NamedTuple):
-    """A point of a plan: its number, its place on each axis, what it is, its address, and the engine that plays it."""
+    """A point of a plan: its number, its place on each axis, what it is, its address, and what `engines.load` takes."""
 
     number: int
     index: tuple
@@ -104,7 +104,6 @@ class Task(NamedTuple):
     """A point as a worker needs it."""
 
     config: object
-    engine: str
     keep: Keep
     code: str
 
@@ -131,4 +130,4 @@ def task_of(identity, states):
     except ConfigError as problem:
         raise FileError(f"a point that this version cannot read: {problem}") from None
     statistics = {name: tuple(kinds) for name, kinds in keep.statistics.items()}
-    return Task(config, data.engine, keep.keep()._replace(statistics=statistics, tau_s=tuple(keep.tau_s)), data.code)
+    return Task(config, keep.keep()._replace(statistics=statistics, tau_s=tuple(keep.tau_s)), data.code)

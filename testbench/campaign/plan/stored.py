@@ -15,9 +15,9 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from testbench import config as configuration
-from testbench.campaign.plan import engines, plan
+from testbench.campaign.plan import plan
 from testbench.campaign.plan.points import KeepData, canonical
-from testbench.errors import ConfigError, FileError
+from testbench.errors import FileError
 from testbench.storage import inputs
 
 DEEPEST = 8  # lists in lists of a value
@@ -81,7 +81,7 @@ def read(path):
         raise FileError(f"{path}: is damaged: its checksum does not hold")
     axes = tuple(plan.Axis(a.name, a.length, a.values, tuple(a.cases)) for a in stored.axes)
     _check(stored, axes, Path(path))
-    found = plan.Plan(stored.name, stored.engine, stored.set, axes, stored.keep.keep(), str(path), Path("/"), {})
+    found = plan.Plan(stored.name, stored.engine, stored.set, axes, stored.keep.keep(), str(path), Path("/"), {}, {})
     return found, tuple(stored.points)
 
 
@@ -102,7 +102,3 @@ def _check(stored, axes, path):
         raise FileError(f"{path}: duplicate axis")
     if math.prod(axis.length for axis in axes) != len(stored.points):
         raise FileError(f"{path}: has {len(stored.points)} points for {math.prod(a.length for a in axes)} places")
-    try:
-        engines.check_name(stored.engine, f"{path}: engine")
-    except ConfigError as problem:
-        raise FileError(problem) from None

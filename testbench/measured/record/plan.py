@@ -218,4 +218,4 @@ def read(path):
 def with_plant(plan, library, own=""):
     """The same plan for a plant behind the port: path of the library, and of the file for it alone."""
     there = {"scenario.plant": str(library), "scenario.plant_file": str(own)}
-    return plan._replace(truth=configuration.changed(plan.truth, there))
+    return plan._replace(truth=configuration.changed(plan.truth, there, library=True))

@@ -9,8 +9,10 @@ from pathlib import Path
 from tests.testbench.command import gyro
 
 ROOT = Path(__file__).resolve().parents[3]
-INSTANT = "tests.testbench.campaign.instant:ENGINE"
-LANES = "tests.testbench.campaign.instant:LANES"
+INSTANT, LANES = "instant", "instant_lanes"
+OWN = (f"{INSTANT}=tests.testbench.campaign.instant:ENGINE", f"{LANES}=tests.testbench.campaign.instant:LANES")
+OPTIONS = [word for text in OWN for word in ("--engine", text)]
+TAKE_THEM = ("run", "check", "rerun")
 
 PLAN = """
 name = "tiny"
@@ -83,10 +85,15 @@ def environment(**more):
     return {**os.environ, "PYTHONPATH": os.pathsep.join(places), **more}
 
 
+def with_engines(argv):
+    """ARGV with the engines of the tests, where the command takes them."""
+    return [*map(str, argv), *(OPTIONS if argv[0] in TAKE_THEM else ())]
+
+
 def start(*argv, preexec_fn=None, **env):
     """`gyro campaign ARGV` as a child that is not waited for."""
     return subprocess.Popen(
-        [sys.executable, "-m", "testbench.commands.main", "campaign", *map(str, argv)],
+        [sys.executable, "-m", "testbench.commands.main", "campaign", *with_engines(argv)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -105,7 +112,7 @@ def child(*argv, **more):
 
 def campaign(*argv):
     """The same in this process."""
-    return gyro("campaign", *argv)
+    return gyro("campaign", *with_engines(argv))
 
 
 def run_json(*argv, workers=0):

@@ -8,7 +8,7 @@ import pytest
 from testbench.campaign import execute, pool, work
 from testbench.campaign.plan import engines, plan
 from testbench.campaign.store import Store
-from tests.testbench.campaign.helpers import INSTANT, LANES, campaign, child, finished, plan_file, run_json
+from tests.testbench.campaign.helpers import INSTANT, LANES, OWN, campaign, child, finished, plan_file, run_json
 
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
@@ -107,7 +107,7 @@ def test_twins_hang_on_the_same_sources():
 
 
 def batches(folder, workers, boards=10, engine=LANES):
-    points, _ = plan.points(plan.read(plan_file(folder, 1, boards, 1, engine=engine)))
+    points, _ = plan.points(plan.read(plan_file(folder, 1, boards, 1, engine=engine), (), OWN))
     return [len(batch.identities) for batch in execute.batches_of(points, folder, workers)]
 
 
@@ -125,7 +125,7 @@ def test_points_of_one_group_share_a_call(tmp_path):
     path.write_text(
         f'engine = "{LANES}"\n[axes.length]\nscenario.seconds = [0.5, 60.0]\n[axes.seed]\nnoise.seed = [1, 2, 3]\n'
     )
-    points, states = plan.points(plan.read(path))
+    points, states = plan.points(plan.read(path, (), OWN))
     lengths = [
         [json.loads(identity)["config"]["scenario"]["seconds"] for identity in batch.identities]
         for batch in execute.batches_of(points, states)

@@ -13,7 +13,7 @@ import xarray
 
 from testbench.campaign import collect
 from testbench.campaign.store import Store
-from tests.testbench.campaign.helpers import INSTANT, LANES, campaign, child, finished, plan_file, run_json, start
+from tests.testbench.campaign.helpers import INSTANT, LANES, OWN, campaign, child, finished, plan_file, run_json, start
 
 
 def starts(store):
@@ -151,7 +151,7 @@ def test_other_sources_are_not_compared(tiny, monkeypatch):
 
     monkeypatch.setattr(engines, "code_of", lambda engine: "f" * 64)
     with pytest.raises(FileError, match="only the same sources"):
-        rerun.rerun(tiny / "store", Store.at(tiny / "store").addresses()[0])
+        rerun.rerun(tiny / "store", Store.at(tiny / "store").addresses()[0], own_engines=OWN)
 
 
 def test_show_has_mean_and_spread(tiny):

@@ -14,7 +14,7 @@ from fpga_model import bound
 from testbench import flatten
 from testbench.bench import kernels, peers
 from testbench.campaign.plan import plan as campaign_plan
-from testbench.config import to_toml
+from testbench.config import Config, changed, to_toml
 from testbench.engines import window
 from testbench.errors import ConfigError, FileError
 from testbench.measured.record import check_tables, from_run, load, produce
@@ -276,6 +276,11 @@ def test_no_file_can_name_a_library(resonator, tmp_path):
     (tmp_path / "config.toml").write_text(to_toml(checked))
     done = gyro("run", "--config", "config.toml", folder=tmp_path)
     assert (done.returncode, done.stderr) == (2, f"gyro: config.toml: {line}\n")
+    for command in ("run", "budget", "loop"):
+        done = gyro(command, "--set", f"scenario.plant={resonator}", folder=tmp_path)
+        assert (done.returncode, done.stderr) == (2, f"gyro: --set: {line}\n"), command
+    with pytest.raises(ConfigError, match=line):
+        changed(Config(), {"scenario.plant": str(resonator)})
     (tmp_path / "campaign.toml").write_text('[set]\nscenario.plant = "a.so"\n[axes.seed]\nnoise.seed = [1, 2]\n')
     with pytest.raises(ConfigError, match=r"scenario\.plant: a campaign has the own plant"):
         campaign_plan.read(tmp_path / "campaign.toml")

@@ -18,9 +18,10 @@ ROOT = Path(__file__).resolve().parents[3]
 PLAN = ROOT / "docs" / "campaigns" / "word_lengths.toml"
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
+OWN = "--engine", "instant=tests.testbench.study.instant:ENGINE"
 SMALL = """
 name = "small"
-engine = "tests.testbench.study.instant:ENGINE"
+engine = "instant"
 [set]
 scenario.seconds = 32.0
 [axes.seed]
@@ -173,7 +174,7 @@ def test_the_rule_covers_half_of_the_plan():
 def test_the_command_writes_predictions_first_and_compares(tmp_path):
     path = tmp_path / "small.toml"
     path.write_text(SMALL)
-    done = gyro("study", path, "--out", tmp_path / "s", "--workers", 0, "--json")
+    done = gyro("study", path, "--out", tmp_path / "s", *OWN, "--workers", 0, "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     (kept,) = (tmp_path / "s" / "predictions").glob("small-*.json")
@@ -188,7 +189,7 @@ def test_the_command_writes_predictions_first_and_compares(tmp_path):
     assert found["designs"]["default"]["simulated"]["keeps"] is True
     assert "Word lengths" in (tmp_path / "s" / "results" / "small.html").read_text()
     before = kept.read_bytes()
-    again = gyro("study", path, "--out", tmp_path / "s", "--workers", 0)
+    again = gyro("study", path, "--out", tmp_path / "s", *OWN, "--workers", 0)
     assert (again.returncode, kept.read_bytes()) == (0, before), again.stderr
     assert "Pareto fronts" in again.stdout
 
@@ -204,7 +205,7 @@ def test_the_command_writes_predictions_first_and_compares(tmp_path):
 def test_what_is_no_study(tmp_path, old, new, said):
     path = tmp_path / "small.toml"
     path.write_text(SMALL.replace(old, new))
-    done = gyro("study", path, "--out", tmp_path / "s")
+    done = gyro("study", path, "--out", tmp_path / "s", *OWN)
     assert (done.returncode, said in done.stderr) == (2, True), done.stderr
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "s").exists()
