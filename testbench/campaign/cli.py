@@ -47,7 +47,11 @@ def run(
         int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tcp://10.0.0.1:8786.")
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tls://10.0.0.1:8786.")
+    ] = None,
+    unencrypted_scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="The same without certificates: whoever reaches it runs code as you."),
     ] = None,
     cluster: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="A Dask cluster of N workers on this machine.")
@@ -57,15 +61,16 @@ def run(
     """Run what is missing of a plan, and make its results. The same command continues after any interruption."""
     from testbench.errors import ConfigError
 
-    if sum(choice is not None for choice in (workers, scheduler, cluster)) > 1:
-        raise ConfigError("--workers, --scheduler and --cluster: give one of them")
+    if sum(choice is not None for choice in (workers, scheduler, unencrypted_scheduler, cluster)) > 1:
+        raise ConfigError("--workers, --scheduler, --unencrypted-scheduler and --cluster: give one of them")
     from testbench.campaign import execute
     from testbench.campaign.plan.plan import read
     from testbench.campaign.progress import Progress
 
     wanted = read(plan, sets or (), own_engines or ())
     try:
-        report = execute.run(wanted, out, _executor(workers, scheduler, cluster), Progress(quiet=as_json))
+        executor = _executor(workers, scheduler, unencrypted_scheduler, cluster)
+        report = execute.run(wanted, out, executor, Progress(quiet=as_json))
     except KeyboardInterrupt:
         typer.echo("gyro: what is finished is kept: the same command continues", err=True)
         raise
@@ -74,11 +79,12 @@ def run(
         raise typer.Exit(EXIT_FAILED)
 
 
-def _executor(workers, scheduler, cluster):
-    if scheduler is not None or cluster is not None:
+def _executor(workers, scheduler, unencrypted_scheduler, cluster):
+    if workers is None and (scheduler, unencrypted_scheduler, cluster) != (None, None, None):
         from testbench.campaign.cluster import Cluster
 
-        return Cluster(scheduler, cluster or 0)
+        address = unencrypted_scheduler if scheduler is None else scheduler
+        return Cluster(address, cluster or 0, unencrypted_scheduler is not None)
     return local(workers)
 
 

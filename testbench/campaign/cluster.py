@@ -2,6 +2,8 @@
 
 Workers write into the store, a folder that all machines of the cluster share; results do not travel through the
 scheduler. A worker that dies is Dask's to replace: it runs the batch again elsewhere, up to its allowed-failures.
+Whoever can talk to a scheduler runs code as its user, so both sides show a certificate: our own cluster has temporary
+ones, `--scheduler` those of Dask's configuration.
 Source  docs/campaigns.md, docs/decisions/0011-workers-of-a-campaign.md
 """
 
@@ -11,6 +13,7 @@ import contextlib
 import logging
 import queue
 import re
+import tempfile
 import time
 
 from testbench.campaign import work
@@ -18,13 +21,15 @@ from testbench.errors import ConfigError
 from testbench.interrupts import held
 
 ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
+ENCRYPTED = ("tls://", "wss://")
+CERTIFICATES = {"tls_ca_file": "ca-file", "tls_client_cert": "client.cert"}  # of a client, and their keys
 CONNECT_S = 5.0
 NO_WORKER_S = 30.0
 POLL_S = 0.5
 SILENT = logging.CRITICAL + 1
 WORKER_LOG = "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED"
 TRIES = 3
-INSTALL = "Dask is not installed; pip install 'ftr-gyro[campaign]'"
+INSTALL = "is not installed; pip install 'ftr-gyro[campaign]'"
 
 
 class ClusterError(ConfigError):
@@ -32,11 +37,20 @@ class ClusterError(ConfigError):
 
 
 class Cluster:
-    """Dask workers: those of the scheduler at `address`, or `workers` processes of a cluster of our own."""
+    """Dask workers: those of the scheduler at `address`, or `workers` processes of a cluster of our own.
 
-    def __init__(self, address=None, workers=0):
+    unencrypted  permits an address without certificates
+    """
+
+    def __init__(self, address=None, workers=0, unencrypted=False):
+        self.option = "--unencrypted-scheduler" if unencrypted else "--scheduler"
         if address is not None and not ADDRESS.fullmatch(address):
-            raise ClusterError(f"--scheduler {address}: is not of the form tcp://HOST:PORT")
+            raise ClusterError(f"{self.option} {address}: is not of the form tls://HOST:PORT")
+        if address is not None and not (unencrypted or address.startswith(ENCRYPTED)):
+            raise ClusterError(
+                f"--scheduler {address}: has no certificates: whoever reaches it runs code as you; "
+                f"use tls://, or in a network that you trust --unencrypted-scheduler {address}"
+            )
         self.address, self.workers = address, workers
         self._stack = contextlib.ExitStack()
 
@@ -44,22 +58,24 @@ class Cluster:
         try:
             import distributed
         except ImportError:
-            raise ClusterError(INSTALL) from None
+            raise ClusterError(f"Dask {INSTALL}") from None
         # what Dask says about lost connections is said here, in one line
         for name in [*logging.root.manager.loggerDict, "tornado.application", "asyncio"]:
             if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
                 logging.getLogger(name).setLevel(SILENT)
         try:
             if self.address is None:
-                self.address = self._own(distributed)
+                security = self._own(distributed)
+            else:
+                security = self._configured(distributed)
             self._client = self._stack.enter_context(
-                distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False)
+                distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False, security=security)
             )
             self._wait_for_workers()
         except (OSError, TimeoutError) as problem:
             self._close()
             raise ClusterError(
-                f"--scheduler {self.address}: no Dask scheduler answers there within {CONNECT_S:g} s "
+                f"{self.option} {self.address}: no Dask scheduler answers there within {CONNECT_S:g} s "
                 f"({type(problem).__name__}: {problem})"
             ) from None
         except BaseException:
@@ -68,14 +84,31 @@ class Cluster:
         return self
 
     def _own(self, distributed):
+        """Certificates of a cluster of our own, which stands then."""
         import dask
 
+        from testbench.campaign import dask_nodes
+
+        try:
+            security = distributed.Security.temporary()
+        except ImportError:
+            raise ClusterError(f"cryptography {INSTALL}") from None
+        # Dask's own folder in /tmp is whoever made it first
+        folder = self._stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
         # half a cluster cannot be closed, so Ctrl-C waits until it stands
         with dask.config.set({WORKER_LOG: "critical"}), held():
-            cluster = distributed.LocalCluster(
-                n_workers=self.workers, threads_per_worker=1, processes=True, dashboard_address=None
-            )
-            return self._stack.enter_context(cluster).scheduler_address
+            cluster = dask_nodes.cluster(self.workers, security, folder, SILENT)
+            self.address = self._stack.enter_context(cluster).scheduler_address
+        return security
+
+    def _configured(self, distributed):
+        """Certificates of Dask's configuration, which an encrypted address needs."""
+        security = distributed.Security()
+        lacking = [key for key in CERTIFICATES if not getattr(security, key)]
+        if self.address.startswith(ENCRYPTED) and lacking:
+            keys = ", ".join(f"distributed.comm.tls.{CERTIFICATES[key]}" for key in lacking)
+            raise ClusterError(f"{self.option} {self.address}: Dask's configuration has no {keys}")
+        return security
 
     def _wait_for_workers(self):
         until = time.monotonic() + NO_WORKER_S

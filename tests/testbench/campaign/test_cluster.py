@@ -1,5 +1,6 @@
 """Dask: two workers give the bytes of the local run; what is missing is said in one line within seconds."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -9,7 +10,18 @@ import pytest
 
 from testbench.campaign import cluster
 from testbench.campaign.store import Store
-from tests.testbench.campaign.helpers import INSTANT, campaign, child, environment, finished, plan_file, run_json
+from tests.testbench.campaign.helpers import (
+    INSTANT,
+    campaign,
+    child,
+    environment,
+    finished,
+    plan_file,
+    run_json,
+    start,
+)
+
+NOBODY = 65534
 
 
 @pytest.mark.slow
@@ -47,11 +59,11 @@ def test_an_unreachable_scheduler_is_one_line_within_seconds(tmp_path):
     before = finished(tmp_path / "s")
     began = time.monotonic()
     address = f"tcp://127.0.0.1:{closed_port()}"
-    code, _, err = child("run", plan, "--out", tmp_path / "s", "--scheduler", address)
+    code, _, err = child("run", plan, "--out", tmp_path / "s", "--unencrypted-scheduler", address)
     assert time.monotonic() - began < cluster.CONNECT_S + 45, "of which the start of a process on a busy machine"
     errors = [line for line in err.splitlines() if line.startswith("gyro: ")]
     assert (code, len(errors)) == (2, 1), err
-    assert f"--scheduler {address}: no Dask scheduler answers there within 5 s" in errors[0]
+    assert f"--unencrypted-scheduler {address}: no Dask scheduler answers there within 5 s" in errors[0]
     assert "Traceback" not in err
     assert finished(tmp_path / "s") == before
     assert not Store.at(tmp_path / "s").busy()
@@ -61,14 +73,108 @@ def test_an_unreachable_scheduler_is_one_line_within_seconds(tmp_path):
 def test_what_is_no_address_is_one_line(tmp_path, address):
     code, _, err = campaign("run", plan_file(tmp_path), "--out", tmp_path / "s", "--scheduler", address)
     assert (code, err.count("\n")) == (2, 1)
-    assert f"--scheduler {address}: is not of the form tcp://HOST:PORT" in err
+    assert f"--scheduler {address}: is not of the form tls://HOST:PORT" in err
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:8786", "ws://127.0.0.1:8786", "127.0.0.1:8786"])
+def test_a_scheduler_without_certificates_wants_an_option_of_its_own(tmp_path, address):
+    code, _, err = campaign("run", plan_file(tmp_path), "--out", tmp_path / "s", "--scheduler", address)
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"--scheduler {address}: has no certificates: whoever reaches it runs code as you" in err
+    assert f"--unencrypted-scheduler {address}" in err
+    assert not (tmp_path / "s").exists()
+
+
+def test_an_encrypted_scheduler_wants_the_certificates_of_the_configuration(tmp_path):
+    address = "tls://127.0.0.1:8786"
+    code, _, err = campaign("run", plan_file(tmp_path), "--out", tmp_path / "s", "--scheduler", address)
+    assert (code, err.count("gyro: ")) == (2, 1)
+    keys = "distributed.comm.tls.ca-file, distributed.comm.tls.client.cert"
+    assert f"--scheduler {address}: Dask's configuration has no {keys}" in err
+
+
+ATTACK = """
+import encodings.idna, os, pathlib, socket, sys
+import distributed
+
+def task(mark):
+    pathlib.Path(mark).touch()
+
+uid, mark, *ports = sys.argv[1:]
+own = distributed.Security.temporary()
+if uid != "None":  # only now: another user may not read where Python lies
+    os.setgroups([])
+    os.setgid(int(uid))
+    os.setuid(int(uid))
+for port in ports:
+    for scheme, security in (("tcp", None), ("tls", own)):
+        try:
+            address = f"{scheme}://127.0.0.1:{port}"
+            with distributed.Client(address, timeout=3, security=security, set_as_default=False) as client:
+                client.submit(task, mark).result(timeout=10)
+            print("ran")
+        except Exception:
+            print("refused")
+    with socket.create_connection(("127.0.0.1", int(port)), 3) as page:
+        page.sendall(b"GET / HTTP/1.0\\r\\n\\r\\n")
+        try:
+            print("a page" if page.recv(99).startswith(b"HTTP") else "no page")
+        except OSError:
+            print("no page")
+"""
+
+
+def attack(mark, ports, uid):
+    """What another process gets at these ports that would run a task, which writes `mark` as whoever runs it."""
+    command = [sys.executable, "-c", ATTACK, str(uid), mark, *map(str, ports)]
+    done = subprocess.run(command, cwd="/", capture_output=True, text=True, timeout=300)
+    assert done.stdout.count("\n") == 3 * len(ports), done.stderr
+    return done.stdout.split("\n")
+
+
+def listening(process):
+    """Ports at which a process and its children listen."""
+    psutil = pytest.importorskip("psutil")
+    main = psutil.Process(process.pid)
+    found = [c for one in (main, *main.children(recursive=True)) for c in one.net_connections("tcp")]
+    return [c.laddr.port for c in found if c.status == psutil.CONN_LISTEN]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("uid", [None, NOBODY])
+def test_nobody_else_runs_a_task_on_a_cluster_of_our_own(tmp_path, uid):
+    if uid is not None and os.geteuid() != 0:
+        pytest.skip("another user's process: only root can start one")
+    distributed = pytest.importorskip("distributed")
+    tmp_path.chmod(0o755)
+    mark = tmp_path / "mark"
+    plain = {"n_workers": 1, "processes": False, "protocol": "tcp://", "dashboard_address": None}
+    with distributed.LocalCluster(**plain, host="127.0.0.1") as open_to_all:
+        port = open_to_all.scheduler_address.rpartition(":")[2]
+        assert "ran" in attack(mark, [port], uid), "the attack works where there are no certificates"
+    mark.unlink()
+    plan = plan_file(tmp_path, 20, 10, 10)
+    main = start("run", plan, "--out", tmp_path / "s", "--cluster", 1, GYRO_INSTANT_S="1")
+    try:
+        until = time.monotonic() + 60
+        while not list((tmp_path / "s" / "points").glob("??/*.h5")):
+            assert main.poll() is None, main.communicate()[1]
+            assert time.monotonic() < until
+            time.sleep(0.2)
+        ports = listening(main)
+        assert len(ports) == 3, "scheduler, worker and nanny, no page"
+        assert set(attack(mark, ports, uid)) == {"refused", "no page", ""}
+        assert not mark.exists()
+    finally:
+        main.kill()
+        main.communicate()
 
 
 UNREACHABLE = """
 from testbench.campaign import cluster
 cluster.CONNECT_S = 0.5
 try:
-    cluster.Cluster("tcp://127.0.0.1:{}").__enter__()
+    cluster.Cluster("tcp://127.0.0.1:{}", unencrypted=True).__enter__()
 except cluster.ClusterError:
     print("refused")
 """

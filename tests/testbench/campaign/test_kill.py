@@ -219,7 +219,7 @@ def test_a_lost_scheduler_is_one_line(tmp_path):
     watched = Watched(tmp_path / "store")
     try:
         cluster.begin()
-        main = start("run", plan, "--out", watched.path, "--scheduler", cluster.address)
+        main = start("run", plan, "--out", watched.path, "--unencrypted-scheduler", cluster.address)
         assert watched.wait_for(20, main), main.communicate()
         cluster.scheduler.send_signal(signal.SIGKILL)
         began = time.monotonic()
@@ -245,7 +245,7 @@ def on_a_cluster(folder, plan, reference, seed):
     done = {"main": 0, "worker": 0, "scheduler": 0}
 
     def again():
-        return start("run", plan, "--out", watched.path, "--scheduler", cluster.address)
+        return start("run", plan, "--out", watched.path, "--unencrypted-scheduler", cluster.address)
 
     try:
         cluster.begin()
