@@ -57,7 +57,7 @@ def said(argv):
     return code
 
 
-def _prepare():
+def prepare():
     """{command: its parameters}, and what is heavy put out of action, once in a process."""
     if _READY:
         return _READY[0]
@@ -97,7 +97,7 @@ def _paths(corpus, folder):
 
 def options(rng, corpus, folder):
     """A command with a few of its options, hostile values in them."""
-    found = _prepare()
+    found = prepare()
     words = rng.choice(sorted(found))
     argv, paths = list(words), _paths(corpus, folder)
     for param in found[words]:
@@ -138,7 +138,7 @@ READERS = (
 
 def paths(rng, corpus, folder):
     """A command that reads a file, with a directory, a FIFO, a device, a link to one, a file of another kind."""
-    _prepare()
+    prepare()
     known = _paths(corpus, folder)
     argv = [*rng.choice(READERS), rng.choice(known)]
     if argv[:2] == ["measured", "convert"]:

@@ -3,14 +3,15 @@
 import copy
 import json
 
+MODULE, LIBRARY, PLANT = "tests.fuzz.evil", "evil.so", "evil_plant.py"  # `watch` finds whoever runs them
 NUMBERS = (
     0, -1, 1, 2, 255, -(1 << 31), 1 << 31, (1 << 53) + 1, -(1 << 63), (1 << 63) - 1, 1 << 63, 1 << 64, 10**30, 0.5,
     -0.0, 1e-320, 1e300, -1e300, float("nan"), float("inf"), float("-inf"), True, False,
 )  # fmt: skip
 TEXTS = (
     "", " ", "x", "\0", "a\nb", "nan", "inf", "1e400", "-1", "9" * 5000, "x" * 100_000, "../../etc/passwd",
-    "/dev/zero", "°ü漢", "\ud800".encode("utf-8", "surrogatepass").decode("latin-1"), "{}", "[]", "__proto__",
-    "%s%n", "[1:0]", "tb.clk", "rate_word",
+    "/dev/zero", "°ü漢", "\ud800".encode("utf-8", "surrogatepass").decode("latin-1"), "{}", "[]", f"{MODULE}:OBJECT",
+    LIBRARY, "[1:0]", "tb.clk", "rate_word",
 )  # fmt: skip
 # Words that stand for a number in a text: some are no JSON, TOML or float
 WORDS = (

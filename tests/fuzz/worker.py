@@ -14,7 +14,7 @@ import traceback
 import warnings
 from pathlib import Path
 
-from tests.fuzz import commands, kinds
+from tests.fuzz import commands, kinds, watch
 
 LONGEST_S, MOST_KB = 20.0, 1_000_000
 MOST_MEMORY = 1 << 33  # address space: the machine is not to suffer from what is found here
@@ -34,7 +34,7 @@ def one(corpus, kind, number):
             return "the input cannot be made: " + "".join(traceback.format_exception(error)), False
         began = os.times()[:4]
         try:
-            with warnings.catch_warnings():
+            with watch.over() as seen, warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 warnings.simplefilter("error", RuntimeWarning)
                 read()
@@ -47,6 +47,8 @@ def one(corpus, kind, number):
             if isinstance(error, KeyboardInterrupt):
                 raise
             problem, accepted = "".join(traceback.format_exception(error)), False
+    if seen:
+        problem = f"runs what it names: {'; '.join(seen)[:300]}"
     # of this process and its children: other processes on the machine do not count; the parent limits the wall clock
     seconds = sum(os.times()[:4]) - sum(began)
     if seconds > LONGEST_S:
