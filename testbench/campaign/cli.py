@@ -8,11 +8,11 @@ Source  docs/campaigns.md
 import math
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
-from testbench.console.options import Json
+from testbench.console.options import Json, takes
 from testbench.console.show import print_json, print_tables
 from testbench.console.table import Table
 
@@ -37,55 +37,59 @@ EXIT_FAILED = 2
 SHOWN_FAILURES = 5
 
 
-@app.command()
-def run(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
-    out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")],
-    sets: Sets = None,
-    own_engines: Engines = None,
-    workers: Annotated[
-        int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
-    ] = None,
+class RunOptions(NamedTuple):
+    """Options of `gyro campaign run`."""
+
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")]
+    out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")]
+    sets: Sets = None
+    own_engines: Engines = None
+    workers: Annotated[int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")] = (
+        None
+    )
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tls://10.0.0.1:8786.")
-    ] = None,
+    ] = None
     unencrypted_scheduler: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="The same without certificates: whoever reaches it runs code as you."),
-    ] = None,
+    ] = None
     cluster: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="A Dask cluster of N workers on this machine.")
-    ] = None,
-    as_json: Json = False,
-):
+    ] = None
+    as_json: Json = False
+
+
+@app.command()
+@takes(RunOptions)
+def run(o):
     """Run what is missing of a plan, and make its results. The same command continues after any interruption."""
     from testbench.errors import ConfigError
 
-    if sum(choice is not None for choice in (workers, scheduler, unencrypted_scheduler, cluster)) > 1:
+    if sum(choice is not None for choice in (o.workers, o.scheduler, o.unencrypted_scheduler, o.cluster)) > 1:
         raise ConfigError("--workers, --scheduler, --unencrypted-scheduler and --cluster: give one of them")
     from testbench.campaign import execute
     from testbench.campaign.plan.plan import read
     from testbench.campaign.progress import Progress
 
-    wanted = read(plan, sets or (), own_engines or ())
+    wanted = read(o.plan, o.sets or (), o.own_engines or ())
     try:
-        executor = _executor(workers, scheduler, unencrypted_scheduler, cluster)
-        report = execute.run(wanted, out, executor, Progress(quiet=as_json))
+        report = execute.run(wanted, o.out, _executor(o), Progress(quiet=o.as_json))
     except KeyboardInterrupt:
         typer.echo("gyro: what is finished is kept: the same command continues", err=True)
         raise
-    _print_report(report, as_json)
+    _print_report(report, o.as_json)
     if report.failures:
         raise typer.Exit(EXIT_FAILED)
 
 
-def _executor(workers, scheduler, unencrypted_scheduler, cluster):
-    if workers is None and (scheduler, unencrypted_scheduler, cluster) != (None, None, None):
-        from testbench.campaign.cluster import Cluster
+def _executor(o):
+    if (o.scheduler, o.unencrypted_scheduler, o.cluster) == (None, None, None):
+        return local(o.workers)
+    from testbench.campaign.cluster import Cluster
 
-        address = unencrypted_scheduler if scheduler is None else scheduler
-        return Cluster(address, cluster or 0, unencrypted_scheduler is not None)
-    return local(workers)
+    address = o.scheduler or o.unencrypted_scheduler if o.cluster is None else None
+    return Cluster(address, o.cluster or 0, o.unencrypted_scheduler is not None)
 
 
 def local(workers):

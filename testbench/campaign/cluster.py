@@ -29,7 +29,7 @@ POLL_S = 0.5
 SILENT = logging.CRITICAL + 1
 WORKER_LOG = "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED"
 TRIES = 3
-INSTALL = "is not installed; pip install 'ftr-gyro[campaign]'"
+INSTALL = "{} is not installed; pip install 'ftr-gyro[campaign]'"
 
 
 class ClusterError(ConfigError):
@@ -58,7 +58,7 @@ class Cluster:
         try:
             import distributed
         except ImportError:
-            raise ClusterError(f"Dask {INSTALL}") from None
+            raise ClusterError(INSTALL.format("Dask")) from None
         # what Dask says about lost connections is said here, in one line
         for name in [*logging.root.manager.loggerDict, "tornado.application", "asyncio"]:
             if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
@@ -92,7 +92,7 @@ class Cluster:
         try:
             security = distributed.Security.temporary()
         except ImportError:
-            raise ClusterError(f"cryptography {INSTALL}") from None
+            raise ClusterError(INSTALL.format("cryptography")) from None
         # Dask's own folder in /tmp is whoever made it first
         folder = self._stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
         # half a cluster cannot be closed, so Ctrl-C waits until it stands
