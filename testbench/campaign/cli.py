@@ -88,7 +88,7 @@ def _executor(o):
         return local(o.workers)
     from testbench.campaign.cluster import Cluster
 
-    address = o.scheduler or o.unencrypted_scheduler if o.cluster is None else None
+    address = o.unencrypted_scheduler if o.scheduler is None else o.scheduler
     return Cluster(address, o.cluster or 0, o.unencrypted_scheduler is not None)
 
 
