@@ -14,7 +14,7 @@ from testbench.campaign.plan import engines, plan, stored
 from testbench.campaign.plan.points import task_of
 from testbench.campaign.store import Store
 from testbench.errors import FileError
-from testbench.storage.files import replacing, write_text
+from testbench.storage.files import replacing, together, write_text
 
 
 class Report(NamedTuple):
@@ -45,12 +45,13 @@ def batches_of(points, states, workers=1):
     return out
 
 
-def run(wanted, path, executor, progress):
+def run(wanted, path, executor, progress, write_more=None):
     """Run what is missing of a plan; returns `Report`.
 
     path      folder of the store, which is made if it is not there
     executor  `pool.Pool` or `cluster.Cluster`, not yet entered
     progress  `progress.Progress`
+    write_more  () -> paths of what belongs together with the results
     Raises ConfigError before anything runs, FileError when nothing more can be kept, ClusterError when it is lost.
     """
     began = time.monotonic()
@@ -80,7 +81,9 @@ def run(wanted, path, executor, progress):
                             failures[outcome.address] = outcome.error
                         done += outcome.status in (work.DONE, work.FOUND)
                         progress.add(outcome)
-        files, faults = collect.write(store, wanted.name)
+        with together():
+            files, faults = collect.write(store, wanted.name)
+            files += write_more() if write_more else []
         failures |= faults
     listed = [(address, failures[address]) for address in dict.fromkeys(addresses) if address in failures]
     reused, wall_s = unique - len(missing), time.monotonic() - began

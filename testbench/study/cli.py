@@ -30,9 +30,10 @@ def study(
     from testbench.study import study_page
 
     show, own = Progress(quiet=as_json), own_engines or ()
-    result, report = studies.run(plan, out, local(workers), show, sets or (), own_engines=own)
-    page = study_page.write(result, out / "results")
-    files = [*map(str, report.files), str(page)]
+    result, report = studies.run(
+        plan, out, local(workers), show, sets or (), own, lambda found: study_page.write(found, out / "results")
+    )
+    files = list(map(str, report.files))
     if as_json:
         print_json({**study_page.as_json(result), "files": files})
     else:

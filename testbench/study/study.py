@@ -228,13 +228,22 @@ class Result(NamedTuple):
             yield case, one["predicted"], cost.Cost(**one["cost"]), seen, deviation(seen, one["predicted"])
 
 
-def run(path, out, executor, progress, sets=(), say=None, own_engines=()):
-    """Predict, run what is missing, compare: (`Result`, the campaign's report). As `campaign.execute.run`."""
+def run(path, out, executor, progress, sets=(), own_engines=(), write_page=None, say=None):
+    """Predict, run what is missing, compare: (`Result`, the campaign's report). As `campaign.execute.run`.
+
+    write_page  (`Result`) -> path of its page, which is published with the campaign's results
+    """
     from testbench.campaign import execute
 
     plan = read(path, sets, own_engines)
     plans.points(plan)  # refused before anything is written
     store = Store.at(out, create=True)
     written = write_predictions(plan, store, say)
-    report = execute.run(plan, out, executor, progress)
-    return Result(plan.name, written, first_start(store, plan), measured(plan, store, written.designs)), report
+    found = []
+
+    def compare():
+        found.append(Result(plan.name, written, first_start(store, plan), measured(plan, store, written.designs)))
+        return [write_page(found[0])] if write_page else []
+
+    report = execute.run(plan, out, executor, progress, compare)
+    return found[0], report
