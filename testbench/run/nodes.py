@@ -20,6 +20,7 @@ from testbench.engines.engine import PROBE_FLOATS, PROBE_INTS
 from testbench.run import phase_meter
 from testbench.run.phase_meter import wrap_deg
 
+BLOCK_TICKS = 256  # whose clocks are looked at together
 EDGE_TURNS = {(0, 1): 0.0, (0, 0): 0.5, (1, 1): 0.75, (1, 0): 0.25}  # (sin or cos, level) -> ideal theta
 
 
@@ -76,12 +77,12 @@ class Readings(NamedTuple):
     off_deg: dict  # of xe2 and ye2: what the mode's own frequency over the record adds
 
 
-def chain_waveform(z, held, step, poles_s, instant_s, tick_s, clocks=DEFAULT.tick_clocks):
-    """Mean electrode voltage over each of the clocks of each tick, (ticks, clocks).
+def chain_means(poles_s, instant_s, tick_s, clocks=DEFAULT.tick_clocks):
+    """What each of z1, z2, z3, held and step adds to the mean electrode voltage over each clock of a tick, (5, clocks).
 
     Means, not samples: a chain faster than a clock would fold its images back (19 mdeg with three poles of 5 ns).
 
-    z     chain state at each tick (ticks, 3);  held, step  old output and step (V);  instant_s  of the step in the tick
+    z  chain state at the tick's beginning;  held, step  old output and step (V);  instant_s  of the step in the tick
     """
     rates = 1.0 / np.asarray(poles_s)
     a = np.diag(-rates) + np.diag(rates[1:], -1)
@@ -101,7 +102,25 @@ def chain_waveform(z, held, step, poles_s, instant_s, tick_s, clocks=DEFAULT.tic
         (free0, settled0), (free1, settled1) = integral(begin), integral(end)
         late = integral(end - instant_s)[1] - integral(begin - instant_s)[1]
         means[:, i] = (*(free1 - free0), settled1 - settled0, late)
-    return np.column_stack([z, held, step]) @ (means / clock_s)
+    return means / clock_s
+
+
+def clocked_blocks(probe, theta, step):
+    """Yield theta (turns) and both electrode voltages at the clocks of some ticks, and at the clock after them.
+
+    theta, step  phase at each tick, and what a clock adds to it (turns)
+    """
+    clocks = probe.design.tick_clocks
+    offsets = np.arange(clocks) + 0.5
+    chains = []
+    for poles_s, instant_s, letter, name in zip(probe.chains_s, probe.instants_s, "ds", ("drive", "sense")):
+        names = (*(f"{letter}{k}" for k in (1, 2, 3)), f"u_{name}", f"du_{name}")
+        chains.append(([probe.column(n) for n in names], chain_means(poles_s, instant_s, probe.tick_s, clocks)))
+    for begin in range(0, len(theta), BLOCK_TICKS):
+        ticks = slice(begin, begin + BLOCK_TICKS + 1)
+        most = BLOCK_TICKS * clocks + 1
+        fine = (offsets * step[ticks, None] + theta[ticks, None]).ravel()[:most]
+        yield fine, [(np.column_stack([c[ticks] for c in columns]) @ m).ravel()[:most] for columns, m in chains]
 
 
 def edge_errors_turns(edges, reference, bits=DEFAULT.dds_bits):
@@ -167,23 +186,18 @@ def read(probe):
     clocks, turn = probe.design.tick_clocks, 1 << probe.design.dds_bits
     theta = probe.column("theta") / turn
     step = probe.column("word") / turn
-    offsets = np.arange(clocks) + 0.5
-    fine = offsets * step[:, None]
-    fine += theta[:, None]
-    fine = fine.ravel()
     turns_per_tick = float(step.mean()) * clocks
     phase, sigma, amplitude, counter, resolution, lag, uneven = {}, {}, {}, {}, {}, {}, {}
     volts, forced, off = [], {}, {}
     pins = {k: edge_errors_turns(probe.edges, k, probe.design.dds_bits) for k in range(4)}
-    chains = (("xe1", "d", "drive", 0, 0), ("ye1", "s", "sense", 1, 2))
-    waves = []
-    for _, letter, name, which, _ in chains:
-        z = np.stack([probe.column(f"{letter}{k}") for k in (1, 2, 3)], axis=1)
-        held, rise = probe.column(f"u_{name}"), probe.column(f"du_{name}")
-        waves.append(
-            chain_waveform(z, held, rise, probe.chains_s[which], probe.instants_s[which], probe.tick_s, clocks).ravel()
-        )
-    for (node, _, _, which, reference), wave, force in zip(chains, waves, phase_meter.fits(fine, waves)):
+    joint, crossed = phase_meter.Fit(clocks * len(theta), 2), ([], [])
+    for fine, waves in clocked_blocks(probe, theta, step):
+        size = min(BLOCK_TICKS * clocks, len(fine))
+        joint.add(fine[:size], [wave[:size] for wave in waves])
+        for crossings, wave in zip(crossed, waves):
+            crossings.append(phase_meter.rising_crossings(fine, wave))
+    chains = (("xe1", 0, 0), ("ye1", 1, 2))
+    for (node, which, reference), crossings, force in zip(chains, crossed, joint.readings()):
         pin = pin_lag(pins[reference], pins[reference + 1], float(step.mean()) * probe.grid_clocks)
         turned_deg = 180.0 if which == 1 and probe.sense_sign < 0 else 0.0
         phase[node] = wrap_deg(force.lag_deg - 360.0 * pin.even - turned_deg)
@@ -191,7 +205,7 @@ def read(probe):
         uneven[node] = 360.0 * pin.beyond
         volts.append(_phasor(force))
         amplitude[node] = force.amplitude
-        crossings = phase_meter.count(phase_meter.rising_crossings(fine, wave))
+        crossings = phase_meter.count(np.concatenate(crossings))
         rising = probe.edges[(probe.edges[:, 1] == reference) & (probe.edges[:, 2] == 1), 0] / turn
         edges = phase_meter.count(rising)
         counter[node] = wrap_deg(crossings.lag_deg - edges.lag_deg - turned_deg)

@@ -12,13 +12,13 @@ Plain correlation over a broken number of periods would err by up to 2.5 mdeg.
 Source  docs/phases.md
 """
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
 
 SHARES = 256  # parts of a record; fewer where it has fewer samples
 MEMORY = 0.25  # of a record: correlations of shares are counted up to here
+BLOCK = 1 << 13  # samples whose rows stay in the cache, and are too few for threads of the matrix product
 
 
 class Reading(NamedTuple):
@@ -59,46 +59,81 @@ def sum_sigma(shares):
     return float(np.sqrt(max(shares @ kernel @ shares, 0.0) / white))
 
 
+class Fit:
+    """Joint least squares of sine, cosine and offset at theta, block by block: memory does not grow with the record.
+
+    samples  how many there will be: parts of the record and the ramp of the free line follow from it
+    nodes    values of each sample, fitted one by one
+    free     True if one free line is fitted too, such as the ringing sense mode
+    Each part keeps its gram matrix and right-hand sides, from which its share in the residual follows as well.
+    """
+
+    def __init__(self, samples, nodes, free=False):
+        if samples < 16:
+            raise ValueError(f"phase fit: needs at least 16 finite samples, got {samples}")
+        self.samples, self._rows, self._done = samples, 7 if free else 3, 0
+        self._ends = np.linspace(0, samples, min(SHARES, samples // 4) + 1).astype(int)
+        self._table = np.empty((self._rows + nodes, min(BLOCK, samples)))
+        self._products = np.zeros((len(self._ends) - 1, self._rows, len(self._table)))
+
+    def add(self, theta_turns, nodes, free_turns=None):
+        """The samples that come next: reference phase (turns), values of each node, phase of the free line (turns)."""
+        begin, part = 0, np.searchsorted(self._ends, self._done, "right") - 1
+        while begin < len(theta_turns):
+            end = min(begin + BLOCK, len(theta_turns), begin + self._ends[part + 1] - self._done)
+            table, block = self._table[:, : end - begin], slice(begin, end)
+            self._fill(table, theta_turns[block], [samples[block] for samples in nodes], free_turns, block)
+            self._products[part] += table[: self._rows] @ table.T
+            self._done += end - begin
+            begin, part = end, part + (self._done == self._ends[part + 1])
+
+    def _fill(self, table, theta_turns, nodes, free_turns, block):
+        """Rows of the basis, then the nodes; in place: millions of samples take longer to copy than to compute."""
+        table[self._rows :] = nodes
+        if not np.isfinite(table[self._rows :]).all():
+            raise ValueError(f"phase fit: needs at least 16 finite samples, got {self.samples} with others among them")
+        table[2] = 1.0
+        for row, turns in [(0, theta_turns)] + ([] if free_turns is None else [(3, free_turns[block])]):
+            cosine, angle = table[row : row + 2]
+            np.multiply(2 * np.pi, turns, out=angle)
+            np.cos(angle, out=cosine)
+            np.sin(angle, out=angle)
+        if self._rows > 3:
+            first = 2.0 * self._done / (self.samples - 1) - 1.0
+            ramp = first + 2.0 / (self.samples - 1) * np.arange(table.shape[1])
+            np.multiply(ramp, table[3:5], out=table[5:7])
+
+    def readings(self):
+        """A `Reading` for each node; infinite sigma for one without a tone."""
+        grams, sides = np.split(self._products, [self._rows], axis=2)
+        gram = grams.sum(axis=0)
+        coefficients = np.linalg.solve(gram, sides.sum(axis=0))
+        parts = sides - grams @ coefficients  # what each part's residual has of each row of the basis
+        return [_reading(gram, c, parts[:, :, k], self.samples) for k, c in enumerate(coefficients.T)]
+
+
+def _reading(gram, coefficients, parts, samples):
+    lag = float(np.degrees(np.arctan2(-coefficients[0], coefficients[1])))
+    amplitude = float(np.hypot(*coefficients[:2]))
+    if not amplitude > 0:
+        return Reading(lag, np.inf, 0.0, samples, np.zeros(len(parts)))
+    turned = np.zeros(len(gram))
+    turned[:2] = -coefficients[1] / amplitude, coefficients[0] / amplitude
+    shares = np.degrees(parts @ np.linalg.solve(gram, turned) / amplitude)
+    return Reading(lag, sum_sigma(shares), amplitude, samples, shares)
+
+
 def fits(theta_turns, nodes, free_turns=None):
-    """Joint least squares of sine, cosine and offset at theta, and of one free line if its phase is given, per node.
+    """`Fit` of samples that are all there.
 
     theta_turns  reference phase at each sample (turns)
     nodes        list of node values, one array each
     free_turns   phase of a second line (turns), such as the ringing sense mode, or None
     Returns a `Reading` for each node. Raises ValueError on fewer than 16 samples or values that are not finite.
     """
-    lines = [(0, theta_turns)] + ([] if free_turns is None else [(3, free_turns)])
-    basis = np.empty((7 if len(lines) > 1 else 3, np.size(theta_turns)))
-    basis[2] = 1.0
-    # in place: millions of samples take longer to copy than to compute
-    for row, turns in lines:
-        cosine, angle = basis[row : row + 2]
-        np.multiply(2 * np.pi, turns, out=angle)
-        np.cos(angle, out=cosine)
-        np.sin(angle, out=angle)
-    if len(lines) > 1:
-        np.multiply(np.linspace(-1.0, 1.0, basis.shape[1]), basis[3:5], out=basis[5:])
-    gram = basis @ basis.T
-    return [_reading(basis, gram, np.asarray(samples, float)) for samples in nodes]
-
-
-def _reading(basis, gram, samples):
-    if samples.size < 16 or not np.all(np.isfinite(samples)):
-        raise ValueError(f"phase fit: needs at least 16 finite samples, got {samples.size}")
-    scale = max(samples.max(), -samples.min()) or 1.0
-    scaled = samples / scale
-    coefficients = np.linalg.solve(gram, basis @ scaled)
-    residual = coefficients @ basis
-    np.subtract(scaled, residual, out=residual)
-    lag, power = np.degrees(np.arctan2(-coefficients[0], coefficients[1])), coefficients[0] ** 2 + coefficients[1] ** 2
-    ends = np.linspace(0, samples.size, min(SHARES, samples.size // 4) + 1).astype(int)
-    if not power > 0:
-        return Reading(float(lag), np.inf, 0.0, samples.size, np.zeros(len(ends) - 1))
-    turned = np.zeros(len(basis))
-    turned[:2] = -coefficients[1] / power, coefficients[0] / power
-    parts = [basis[:, begin:end] @ residual[begin:end] for begin, end in itertools.pairwise(ends)]
-    shares = np.degrees(np.array(parts) @ np.linalg.solve(gram, turned))
-    return Reading(float(lag), sum_sigma(shares), float(np.sqrt(power) * scale), samples.size, shares)
+    joint = Fit(np.size(theta_turns), len(nodes), free_turns is not None)
+    joint.add(theta_turns, nodes, free_turns)
+    return joint.readings()
 
 
 def fit(theta_turns, samples, free_turns=None):

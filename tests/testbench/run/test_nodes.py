@@ -108,8 +108,7 @@ def test_the_waveform_is_the_solution_of_the_chain():
             z[n] = new
         levels.append(z[2])
     means = np.array(levels[:-1]).reshape(26, 400).mean(axis=1)
-    got = nodes.chain_waveform(np.zeros((1, 3)), np.zeros(1), np.ones(1), poles, instant, tick)[0]
-    np.testing.assert_allclose(got, means, atol=2e-3)
+    np.testing.assert_allclose(nodes.chain_means(poles, instant, tick)[4], means, atol=2e-3)
 
 
 def pin_errors(f_hz, start, turned, seconds=0.1, delay_s=153.8e-9):

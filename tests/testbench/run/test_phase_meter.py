@@ -1,5 +1,7 @@
 """Phase meters on signals whose phase is known."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -29,6 +31,30 @@ def test_a_free_line_biases_the_plain_fit_and_not_the_joint_one():
     theta, values, line = signal(1.5, ticks=18000, free=2.0)
     assert abs(phase_meter.fit(theta, values).lag_deg - 1.5) > 0.1
     assert phase_meter.fit(theta, values, line).lag_deg == pytest.approx(1.5, abs=1e-5)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_blocks_give_the_fit_of_the_whole_record(free):
+    """Pieces of any length agree to rounding with a least-squares solution that holds all samples at once."""
+    theta, values, line = signal(3.0, ticks=3 * phase_meter.BLOCK + 321, offset=0.2, free=1.0, noise=0.01)
+    nodes, line = [values, 1e-6 * values[::-1]], line if free else None
+    columns = [np.cos(2 * np.pi * theta), np.sin(2 * np.pi * theta), np.ones(len(theta))]
+    if free:
+        columns += [np.cos(2 * np.pi * line), np.sin(2 * np.pi * line)]
+        columns += [np.linspace(-1, 1, len(theta)) * column for column in columns[3:]]
+    basis, joint = np.stack(columns), phase_meter.Fit(len(theta), 2, free)
+    for begin, end in itertools.pairwise((0, 5, 7000, 7001, 20_000, len(theta))):
+        joint.add(theta[begin:end], [n[begin:end] for n in nodes], None if line is None else line[begin:end])
+    for node, pieces, whole in zip(nodes, joint.readings(), phase_meter.fits(theta, nodes, line)):
+        (a, b), rest = (coefficients := np.linalg.lstsq(basis.T, node)[0])[:2], node - coefficients @ basis
+        slope = np.linalg.inv(basis @ basis.T)[:2].T @ [-b, a] / (a * a + b * b)
+        ends = np.linspace(0, len(theta), phase_meter.SHARES + 1).astype(int)
+        shares = [basis[:, begin:end] @ rest[begin:end] @ slope for begin, end in itertools.pairwise(ends)]
+        for got in (pieces, whole):
+            assert got.lag_deg == pytest.approx(np.degrees(np.arctan2(-a, b)), abs=1e-10)
+            assert got.amplitude == pytest.approx(np.hypot(a, b), rel=1e-12)
+            np.testing.assert_allclose(got.shares_deg, np.degrees(shares), atol=1e-12)
+        assert pieces.sigma_deg == pytest.approx(whole.sigma_deg, rel=1e-9)
 
 
 def white(rng, n):

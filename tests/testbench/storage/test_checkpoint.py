@@ -424,6 +424,25 @@ def test_memory_does_not_grow_with_simulated_time(locked, tmp_path):
     assert late_kb - early_kb < 3000
 
 
+PEAK = """
+import atexit, re, sys
+from testbench.commands import main as cli
+
+atexit.register(lambda: print(re.search(r"VmHWM:\\s*(\\d+)", open("/proc/self/status").read())[1], file=sys.stderr))
+cli.main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize("engine", ["frame", pytest.param("baseband", marks=pytest.mark.slow)])
+def test_the_peak_of_a_run_is_below_500_mb(engine, tmp_path):
+    """That of the process itself, once kernels are compiled: getrusage would count what the parent has at the fork."""
+    simulate.Simulation(configured(), 25.0, 25.0, engine=engine).advance(1000, 0.0, 25.0)
+    argv = f"run --seconds 1 --rate-dps 100 --seed 1 --engine {engine} --out out".split()
+    got = done(tmp_path, argv, "-c", PEAK)
+    assert got.returncode == 0, got.stderr
+    assert int(got.stderr.split()[-1]) * 1024 < 500e6
+
+
 def test_a_window_larger_than_what_users_may_hand_over_is_read_back(tmp_path, monkeypatch):
     partial = checkpoint.Partial(tmp_path)
     rows = np.arange(200_000).reshape(-1, 4)
