@@ -1,6 +1,7 @@
 """Configuration of a run: `load` a TOML file, `changed` for a variant, `to_toml` to keep it."""
 
 from testbench.config.load import (  # noqa: F401
+    TEMPS_DEGC,
     Config,
     Design,
     Effects,
@@ -14,6 +15,7 @@ from testbench.config.load import (  # noqa: F401
     changed,
     from_dict,
     load,
+    needed,
     parse_set,
     phase_word,
     placeless,

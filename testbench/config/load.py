@@ -13,6 +13,7 @@ Source  docs/configuration.md
 import functools
 import re
 import tomllib
+from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -24,6 +25,7 @@ from analog_frontend.effects import catalogue
 from analog_frontend.parts import adc
 from fpga_model import design_record, spi_adc
 from fpga_model.design_record import DEFAULT
+from testbench.arguments import name_of_file, plain
 from testbench.config import law_file, scenario
 from testbench.config.board import Nominal, Plant, followed, released
 from testbench.config.config_errors import explain
@@ -32,6 +34,7 @@ from testbench.config.toml_text import toml_of, toml_value
 from testbench.errors import ConfigError
 from testbench.storage.inputs import read_toml
 
+TEMPS_DEGC = -55.0, 125.0  # ambient temperatures that a part may stand
 LIBRARY = "scenario.plant"  # the one key that no file may set: what it names runs here
 PERMITTED = ("--plant", "caller", "compared only")  # the option; code that permits it; nothing is built
 
@@ -191,6 +194,11 @@ def _levels(bits):
     return checked(check)
 
 
+def _folder(value):
+    if not value or "\0" in value:
+        raise scenario.Problem("", f"= {toml_of(value)} is not the name of a folder; . is the present one")
+
+
 def _curve(value):
     numbers = isinstance(value, (list, tuple)) and all(isinstance(v, float) for v in value)
     if not numbers or len(value) > adc.CURVE or not all(abs(v) <= 1e-2 for v in value):
@@ -253,7 +261,7 @@ class Scenario(Section):
     )
     origin: Literal["lock", "power_on"] = other("lock", "what `seconds` and all times of this section count from")
     seconds: float = number(2.0, "s", 0.001, 36000.0, "length")
-    temperature_degc: Annotated[Any, _profile(-55.0, 125.0, "degC")] = other(
+    temperature_degc: Annotated[Any, _profile(*TEMPS_DEGC, "degC")] = other(
         25.0, "a number, or points [t_s, degC] joined by straight lines", "degC"
     )
     rate_dps: Annotated[Any, _profile(-1000.0, 1000.0, "deg/s")] = other(
@@ -286,7 +294,7 @@ class Scenario(Section):
 class Output(Section):
     """What is written where."""
 
-    directory: str = other("out", "folder for all files of a run")
+    directory: Annotated[str, checked(_folder)] = other("out", "folder for all files of a run")
     record: bool = other(True, "HDF5 record, run.h5")
     columns: Annotated[Any, checked(scenario.check_columns)] = other([], "columns of the record; none named: all")
     decimate: int = number(1, "frames", 1, 8000, "frames to a row of the record; codes and words are then sums")
@@ -343,6 +351,13 @@ class Config(Section):
         return self.nominal_device() == Nominal().device() and self.design == Design()
 
 
+def needed(config):
+    """The configuration itself; ConfigError for what is none."""
+    if not isinstance(config, Config):
+        raise ConfigError(f"config = {config!r} is no configuration: config.load(path) reads one")
+    return config
+
+
 def phase_word(angle_deg, bits=DEFAULT.dds_bits):
     """Angle as an unsigned word of `bits`, to the nearest LSB; exact, so that 90 deg is a quarter of 2**bits."""
     return round(Fraction(angle_deg) * (1 << bits) / 360) % (1 << bits)
@@ -362,13 +377,15 @@ class Override(NamedTuple):
 def parse_set(text):
     """Override from the text of `--set`: dotted path, =, TOML value; a bare word counts as text."""
     path, equals, value = text.partition("=")
-    path = path.strip()
+    path, value = path.strip(), value.strip()
+    if control := re.search(r"[\0\r\n]", value):
+        raise ConfigError(f"--set: {text!r} has {control[0]!r} in its value; write one --set for each key")
     if not equals or not re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+", path):
         raise ConfigError(f"--set: {text!r} is not of the form section.key=value, such as plant.fx_hz=11010")
     try:
-        return Override(path, tomllib.loads(f"value = {value.strip()}")["value"])
+        return Override(path, tomllib.loads(f"value = {value}")["value"])
     except (ValueError, RecursionError):
-        return Override(path, value.strip())
+        return Override(path, value)
 
 
 def _names(value, path):
@@ -385,7 +402,9 @@ def load(path=None, overrides=()):
     overrides  `Override`s or texts as of `--set`
     Raises ConfigError with one line.
     """
-    tree = read_toml(path) if path is not None else {}
+    if isinstance(overrides, (str, bytes)) or not isinstance(overrides, Iterable):
+        raise ConfigError(f"overrides = {overrides!r} is not a list, such as ['plant.fx_hz=11010']")
+    tree = {} if path is None else read_toml(name_of_file("path", path))
     origin = {}
     section = tree.get("effects", {})
     if isinstance(section, dict) and "files" in section:
@@ -394,13 +413,15 @@ def load(path=None, overrides=()):
         section["laws"] = [*section.get("laws", []), *found]
     for item in overrides:
         item = parse_set(item) if isinstance(item, str) else item
+        if not isinstance(item, Override):
+            raise ConfigError(f"overrides: {item!r} is neither a text such as 'plant.fx_hz=11010' nor an Override")
         *sections, key = item.path.split(".")
         node = tree
         for section in sections:
             node = node.setdefault(section, {})
             if not isinstance(node, dict):
                 raise ConfigError(f"{item.source}: {item.path}: {section} is a value, not a section")
-        node[key] = item.value
+        node[key] = plain(item.value)
         origin[item.path] = item.source
     return from_dict(tree, str(path) if path is not None else "defaults", origin)
 
@@ -436,10 +457,15 @@ def changed(config, values, library=False):
     What equals a key of [nominal] that changes follows it, as what a file does not give would. `library` permits
     `scenario.plant` among the values: a library that runs here.
     """
-    tree = released(config.model_dump(), values)
+    if not isinstance(values, dict):
+        raise ConfigError(f'values = {values!r} is not a dictionary, such as {{"plant.fx_hz": 11010.0}}')
+    for path in values:
+        if not isinstance(path, str) or path.count(".") != 1:
+            raise ConfigError(f'values: {path!r} is not of the form section.key, such as "plant.fx_hz"')
+    tree = released(needed(config).model_dump(), values)
     for path, value in values.items():
         section, key = path.split(".")
-        tree.setdefault(section, {})[key] = value
+        tree.setdefault(section, {})[key] = plain(value)
     return from_dict(tree, "changed", {LIBRARY: "caller"} if library or LIBRARY not in values else {})
 
 
@@ -460,7 +486,7 @@ def to_toml(config):
     lines = []
     for section, model in sections().items():
         lines.append(f"[{section}]")
-        values = getattr(config, section)
+        values = getattr(needed(config), section)
         for key in model.model_fields:
             value = getattr(values, key)
             lines.append(f"{key} = {toml_value(value)}")

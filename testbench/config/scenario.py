@@ -166,7 +166,8 @@ def profile_points(value, lo, hi, unit):
     return tuple(points)
 
 
-def _nearest(name, known):
+def nearest(name, known):
+    """Hint on a name that is not among the known ones."""
     near = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
     return (
         f"did you mean {near[0]}?" if near else f"known: {textwrap.shorten(', '.join(known), 280, placeholder=' ...')}"
@@ -191,7 +192,7 @@ def check_register_writes(value):
         t_s, name, raw = _row(item, where, 3, "[t_s, register, raw value]")
         t_s = _finite(t_s, where, "the time")
         if not isinstance(name, str) or name not in known:
-            raise Problem(where, f"= {toml_of(name)} is not a writable register; {_nearest(name, known)}")
+            raise Problem(where, f"= {toml_of(name)} is not a writable register; {nearest(name, known)}")
         if isinstance(raw, bool) or not isinstance(raw, int):
             raise Problem(where, f"= {toml_of(raw)}: the value of {name} is not an integer; registers take raw words")
         fmt = known[name]
@@ -226,12 +227,10 @@ def check_faults(value):
         t_s, kind, channel, level, duration_s = _row(item, where, 5, "[t_s, kind, channel, value, duration_s]")
         t_s = _finite(t_s, where, "the time")
         if not isinstance(kind, str) or kind not in FAULTS:
-            raise Problem(where, f"= {toml_of(kind)} is not a kind of fault; {_nearest(kind, FAULTS)}")
+            raise Problem(where, f"= {toml_of(kind)} is not a kind of fault; {nearest(kind, FAULTS)}")
         fault = FAULTS[kind]
         if channel not in fault.channels:
-            raise Problem(
-                where, f"= {toml_of(channel)} is not a channel of {kind}; {_nearest(channel, fault.channels)}"
-            )
+            raise Problem(where, f"= {toml_of(channel)} is not a channel of {kind}; {nearest(channel, fault.channels)}")
         if isinstance(level, bool) or not isinstance(level, int):
             raise Problem(where, f"= {toml_of(level)}: the value of {kind} is not an integer")
         lo, hi = DAC_CODES[channel] if kind == "dac_stuck" else (fault.lo, fault.hi)
@@ -255,7 +254,7 @@ def check_columns(value):
 
         for k, name in enumerate(value):
             if not isinstance(name, str) or name not in FIELDS:
-                raise Problem(f"[{k}]", f"= {toml_of(name)} is not a column of the record; {_nearest(name, FIELDS)}")
+                raise Problem(f"[{k}]", f"= {toml_of(name)} is not a column of the record; {nearest(name, FIELDS)}")
     return tuple(value)
 
 

@@ -286,7 +286,8 @@ class Lanes:
 
         progress  called with the number of a group's first simulation and its ticks so far, in the group's thread
         """
-        told = [(np.atleast_1d(rate), np.atleast_1d(temp)) for rate, temp in zip(rate_rad_s, temp_degc)]
+        sims = [sim for group in self.groups for sim in group]
+        told = [sim.conditions(rate, temp) for sim, rate, temp in zip(sims, rate_rad_s, temp_degc, strict=True)]
         stop = threading.Event()
         first, jobs = 0, []
         for engine_, sims in zip(self.engines, self.groups):

@@ -17,7 +17,8 @@ from analog_frontend import amplifier_use, ring_levels
 from analog_frontend.parts import propagator, thermal
 from fpga_model import dds, references, sine, spi_dac
 from fpga_model.design_record import DEFAULT
-from testbench.config import changed
+from testbench.arguments import number
+from testbench.config import TEMPS_DEGC, changed, needed
 from testbench.engines import chips
 from testbench.errors import ConfigError
 from testbench.run import build
@@ -158,15 +159,16 @@ def _amplifiers(config, temp_degc, f_hz):
 
 def budget(config, temp_degc=None, frequency_hz=None):
     """Budget of a configuration at `temp_degc` (default: the scenario's first) and at a frequency (default: f_x)."""
-    start = config.scenario.temperature_degc
+    start = needed(config).scenario.temperature_degc
     if temp_degc is None:
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]
+    temp_degc = number("temp_degc", temp_degc, *TEMPS_DEGC, "degC")
     firmware, base = config.firmware, config.device()
     device = thermal.at_temperature(base, temp_degc)
     design, board = config.design_record(), chips.of(config.design)
     tick_clocks, clock_hz = design.tick_clocks, design.master_hz * (1 + 1e-6 * device.clock_ppm)
     tick_us, grid = f"{1e6 / design.tick_hz:g} us", f"{1e-6 * design.tick_hz:g} MHz"
-    f = frequency_hz or device.fx_hz
+    f = device.fx_hz if frequency_hz is None else number("frequency_hz", frequency_hz, 1.0, 1e6, "Hz")
 
     at = Rows(f, clock_hz, design.master_hz)
     fitted = "fitted: " if config.of_paper else ""  # what the default board has for the paper's phases

@@ -23,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import quadrature_loop, sequencer
-from testbench.config import changed, from_dict, placeless, scenario, to_toml
+from testbench.arguments import number
+from testbench.config import changed, from_dict, needed, placeless, scenario, to_toml
 from testbench.engines import engine
-from testbench.errors import FileError
+from testbench.errors import ConfigError, FileError
 from testbench.run import build, nodes, summary
 from testbench.run.doubts import Doubts
 from testbench.run.simulation import CHUNK_TICKS, DEG, FRAME, Simulation
@@ -34,6 +35,7 @@ from testbench.storage import checkpoint, identity, inputs
 from testbench.storage.spool import Recording, Spool
 
 LOCK_LIMIT_S = 5.0  # at the default loops' pace
+MOST_LOCK_S = 36_000.0
 LOCK_STEP_TICKS = 25_000  # the scenario begins at the first multiple after lock
 STEP_DPS, STEP_S, STEP_TAIL_S = 150.0, 0.6, 0.25
 LEAST_DPS = 50.0  # of force, for ye1 to be read from
@@ -125,12 +127,15 @@ def lock_limit_s(config):
 
 def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=None):
     """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None."""
-    sim.now = (np.array([rate_rad_s]), np.array([temp_degc]))
+    limit_s = lock_limit_s(needed(config)) if limit_s is None else number("limit_s", limit_s, 0.0, MOST_LOCK_S, "s")
+    limit = round(limit_s * sim.design.tick_hz)
+    sim.now = sim.conditions(rate_rad_s, temp_degc)
+    if max(map(len, sim.now)) > 1:
+        raise ConfigError("start: rate_rad_s and temp_degc are one number each; advance takes profiles")
     seen = StartUp(sim.design.frame_hz)
     sim.sinks.append(seen)
     for name, raw in sim.first_writes:
         sim.write(name, raw)
-    limit = round((limit_s or lock_limit_s(config)) * sim.design.tick_hz)
     while not sim.locked and sim.tick < limit:
         sim.advance(min(LOCK_STEP_TICKS, limit - sim.tick), rate_rad_s, temp_degc)
         if progress:
@@ -268,7 +273,7 @@ class Run:
     """
 
     def __init__(self, config, directory=None, resume=False):
-        self.config = config
+        self.config = needed(config)
         self.timeline = scenario.expand(config.scenario, config.design_record())
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
         lo, hi = self.timeline.temp_degc.limits()
@@ -284,6 +289,8 @@ class Run:
         )
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = directory
+        if resume and directory is None:
+            raise ConfigError("resume = True needs directory, the folder of the interrupted run")
         if directory is not None and not isinstance(directory, checkpoint.Partial):
             self.partial = checkpoint.Partial(directory)
         self.tick_before, self.spent_before_s = 0, 0.0  # where the scenario begins

@@ -23,7 +23,8 @@ from analog_frontend.parts import thermal
 from fpga_model import bound, fixed, registers, sequencer
 from fpga_model import top as fpga
 from testbench import flatten, interrupts
-from testbench.config import from_dict, host_frames, placeless, to_toml
+from testbench.arguments import integer, name_of_file, number, series
+from testbench.config import TEMPS_DEGC, from_dict, host_frames, needed, placeless, scenario, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError, FileError
 from testbench.port.plant import Plant
@@ -40,6 +41,9 @@ STATE_FORMAT = "engine-1"
 # sections of the configuration in which a state and what continues it are one
 SAME = ("design", "firmware", "nominal", "plant")
 MOST_TICKS = 1 << 48  # nine years
+MOST_RATE_RAD_S = 10_000 * DEG  # ten times what a scenario takes; the plant's tables are of second order in the rate
+ROUNDING_K = 1e-9  # of a profile's temperature beyond its points
+ENGINES = ("frame", "clocked", "baseband")
 # registers that version 0.1.0 did not have; a state without them continues with their reset values
 ADDED = ("sid.last.0", "sid.last.1", "sid.still", "sid.ok")
 SCRATCH = "work"  # field of the plant's state that holds nothing from one tick to the next
@@ -49,6 +53,8 @@ TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
 
 def runner(name):
     """`run` of the engine called `name`; an engine that is not used is not loaded."""
+    if name not in ENGINES:
+        raise ConfigError(f"engine = {name!r} is none of {', '.join(ENGINES)}")
     if name == "clocked":
         return clocked.run
     if name == "baseband":
@@ -61,13 +67,16 @@ def runner(name):
 class Simulation:
     """A state, and the streams of everything that happened to it.
 
-    temp_lo_degc, temp_hi_degc  range of ambient temperatures of the run
+    temp_lo_degc, temp_hi_degc  range of ambient temperatures of the run; `advance` takes no other
     window                      (first tick, ticks) whose registers are kept in `rows`
     engine                      name of the engine instead of that of the configuration
     """
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None, engine=None):
-        self.config = config
+        self.config = needed(config)
+        temp_lo_degc = number("temp_lo_degc", temp_lo_degc, *TEMPS_DEGC, "degC")
+        temp_hi_degc = number("temp_hi_degc", temp_hi_degc, temp_lo_degc, TEMPS_DEGC[1], "degC, from temp_lo_degc on")
+        self.temps_degc = temp_lo_degc - ROUNDING_K, temp_hi_degc + ROUNDING_K
         foreign = {"digital_sid": "adc_", "analog_sid": "sample_"}[config.firmware.board]
         if any(fault[1].startswith(foreign) for fault in config.scenario.faults):
             board = {"adc_": "analog_sid", "sample_": "digital_sid"}[foreign]
@@ -97,7 +106,8 @@ class Simulation:
         self.state = clocked.reset(self.params, temp_lo_degc)
         if self.foreign:
             self.foreign.power_on(self.params.plant, self.state.plant, config.noise.seed, temp_lo_degc)
-        self.window = window
+        self.window = _window(window)
+        self.now = np.zeros(1), np.full(1, temp_lo_degc)  # rate and temperature of the last tick
         self.rows = None
         self.sinks = []
         self.keep_rows, self.keep_codes = True, True
@@ -143,17 +153,27 @@ class Simulation:
 
     def write(self, name, raw):
         """Host write of a register at the next edge, which takes one tick; over the SPI pins those of its frame too."""
-        entry = registers.BY_NAME[name]
-        address, data = entry.address, registers.to_bus(int(raw), entry.fmt)
+        known = scenario.writable_registers()
+        if not isinstance(name, str) or name not in known:
+            raise ConfigError(f"write: {name!r} is not a writable register; {scenario.nearest(name, known)}")
+        raw, entry = integer(f"write: {name}", raw, known[name].lo, known[name].hi), registers.BY_NAME[name]
+        address, data = entry.address, registers.to_bus(raw, entry.fmt)
         if self.config.scenario.host == "spi":
             found = host_frames.written(self.design, entry, raw)
             address, data = found.address, found.data
             self.advance(found.ticks, *self.now)
         self._advance(1, *self.now, (1, address, data))
 
+    def conditions(self, rate_rad_s, temp_degc):
+        """Rates and temperatures as arrays; ConfigError beyond what this simulation was built for."""
+        rate = series("rate_rad_s", rate_rad_s, -MOST_RATE_RAD_S, MOST_RATE_RAD_S, "rad/s")
+        return rate, series("temp_degc", temp_degc, *self.temps_degc, "degC, which this Simulation was built for")
+
     def advance(self, ticks, rate_rad_s, temp_degc, probe_ticks=0, progress=None):
         """Run `ticks` ticks at constant rate and temperature, or with arrays of one value per frame begun."""
-        rate, temp = np.atleast_1d(rate_rad_s), np.atleast_1d(temp_degc)
+        ticks = integer("ticks", ticks, 0, MOST_TICKS - self.tick, "ticks")
+        probe_ticks = integer("probe_ticks", probe_ticks, 0, ticks, "ticks")
+        rate, temp = self.conditions(rate_rad_s, temp_degc)
         done, streams = 0, None
         while done < ticks:
             step = ticks if probe_ticks else self._to_window(min(self.chunk_ticks, ticks - done))
@@ -269,8 +289,12 @@ class Simulation:
 
     def probe(self, ticks, rate_rad_s, temp_degc):
         """Run `ticks` and read the phases of all nodes."""
+        ticks = integer("ticks", ticks, 1, MOST_TICKS - self.tick, "ticks")
         streams = self.advance(ticks, rate_rad_s, temp_degc, probe_ticks=ticks)
-        return nodes.read(self.read_out(streams, temp_degc))
+        try:
+            return nodes.read(self.read_out(streams, temp_degc))
+        except ValueError as problem:
+            raise ConfigError(f"probe of {ticks} ticks: {problem}") from None
 
     def read_out(self, streams, temp_degc):
         """`nodes.Probe` of a recorded segment."""
@@ -362,7 +386,7 @@ class Simulation:
 
         Returns the identity of the code that saved it if it is another one's (`identity.check`), else None.
         """
-        values, meta = state_file.load_state(path, *self.layouts())
+        values, meta = state_file.load_state(name_of_file("path", path), *self.layouts())
         saved = parse_json(meta.get("identity", "{}"), path)
         other = identity.check(path, saved, self.identity, self.config.scenario.across_versions)
         values = self._with_added(values)
@@ -387,6 +411,8 @@ class Simulation:
 
     def set_state(self, values):
         """Continue from what `state_values` gave."""
+        if missing := sorted(set(self.state_values()) - set(values)):
+            raise ConfigError(f"state: lacks {missing[0]}; state_values() gives a whole one")
         values = self._with_added(values)
         plant = {}
         for name, item in _kept(self.state.plant):
@@ -430,6 +456,16 @@ class Simulation:
         self._keep_tail(values["tail.drive"], values["tail.sense"])
         self.peak_x, self.seconds_spent = values["peak_x"], values["seconds_spent"]
         self.now = (np.array([values["rate_rad_s"]]), np.array([values["temp_degc"]]))
+
+
+def _window(window):
+    """(first tick, ticks) as integers, or None."""
+    if window is None:
+        return None
+    if not isinstance(window, (tuple, list)) or len(window) != 2:
+        raise ConfigError(f"window = {window!r} is not (first tick, ticks)")
+    first, ticks = window
+    return integer("window[0]", first, 0, MOST_TICKS, "ticks"), integer("window[1]", ticks, 1, MOST_TICKS, "ticks")
 
 
 def _lengthened(values, need):

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from fpga_model import shared_files
+from testbench.arguments import name_of_file
 from testbench.errors import FileError
 from testbench.storage import spool
 from testbench.storage.files import explain, make_own_folder, write_bytes, write_text
@@ -33,12 +34,12 @@ class Partial:
     """The files of an unfinished run in `directory`."""
 
     def __init__(self, directory):
-        self.folder = Path(directory) / FOLDER
+        self._lock = None
+        self.folder = Path(name_of_file("directory", directory)) / FOLDER
         self.config = self.folder / "config.toml"
         self.rows = self.folder / "rows.bin"
         self.window = self.folder / "window.bin"
         self.checkpoint = self.folder / "checkpoint.h5"
-        self._lock = None
 
     def __enter__(self):
         self.hold()
