@@ -6,6 +6,8 @@ them, so that `gyro --help` answers at once.
 Source  docs/configuration.md
 """
 
+import itertools
+import os
 import re
 import sys
 from pathlib import Path
@@ -185,6 +187,8 @@ def _run(config, partial, resume, as_json, discard=False):
                 partial.clear()
             elif isinstance(problem, KeyboardInterrupt):
                 _say(f"to continue: gyro run --resume-run {directory}")
+            elif isinstance(problem, MemoryError):
+                raise FileError(f"{_lack(problem)}; to continue: gyro run --resume-run {directory}") from None
             raise
         partial.clear()
     if as_json:
@@ -237,11 +241,33 @@ def _say(text):
     print(f"gyro: {' '.join(str(text).split())}", file=sys.stderr)
 
 
+def _lack(problem):
+    """What a MemoryError says: how much of memory was wanted, where that is known."""
+    return f"out of memory: {problem}" if str(problem) else "out of memory"
+
+
+def _check_process(argv):
+    """ConfigError for an argument that is empty or has a NUL, and for a count of threads that Numba refuses."""
+    for number, (before, text) in enumerate(itertools.pairwise(["gyro", *argv]), 1):
+        name, equals, value = text.partition("=")
+        if name.startswith("--") and equals:
+            before, text = name, value
+        place = before if before.startswith("-") else f"argument {number}"
+        if not text:
+            raise ConfigError(f"{place}: is empty")
+        if "\0" in text:
+            raise ConfigError(f"{place}: {text!r} has a NUL")
+    threads = os.environ.get("NUMBA_NUM_THREADS", "").strip()
+    if re.fullmatch(r"-\d+|0+", threads):
+        raise ConfigError(f"NUMBA_NUM_THREADS = {threads} is below the limit 1 thread")
+
+
 def _ended(argv):
     """Exit code of a command line."""
     try:
         if argv is None:
             standard.settle()
+        _check_process(sys.argv[1:] if argv is None else argv)
         code = app(args=argv, prog_name="gyro", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
@@ -251,6 +277,8 @@ def _ended(argv):
         return EXIT_INTERRUPTED
     except OSError as problem:  # a name that is too long, a disk that is full: the system's word on a file
         _say(f"{problem.filename or 'gyro'}: {problem.strerror or problem}")
+    except MemoryError as problem:
+        _say(f"{_lack(problem)}; end other programs, or raise the limit (ulimit -v)")
     except Exception as problem:
         # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
         if type(problem).__name__ == "Abort":

@@ -137,6 +137,13 @@ MISTAKES = [
     (["run", "--set", "output.columns=rate_word"], '--set: output.columns = "rate_word" is not a list of names'),
     (["run", "--set", "output.decimate=8001"], "--set: output.decimate = 8001 is above the limit 8000 frames"),
     (["run", "--resume-run", "none"], "none: holds no interrupted run with a checkpoint; start it again"),
+    (["run", "--set", "noise.seed=1\nb=2"], r"--set: 'noise.seed=1\nb=2' has '\n' in its value"),
+    (["run", "--set", "output.directory=a\0b"], r"--set: 'output.directory=a\x00b' has a NUL"),
+    (["run", "--set", "output.directory="], '--set: output.directory = "" is not the name of a folder'),
+    (["run", "--out", ""], "--out: is empty"),
+    (["measured", "record", "plan.toml", "--out="], "--out: is empty"),
+    (["golden", "verify", ""], "argument 3: is empty"),
+    (["golden", "verify", "a\0b"], r"argument 3: 'a\x00b' has a NUL"),
     (["budget", "--temperature-degc", "300"], "--temperature-degc: scenario.temperature_degc = 300 is above"),
 ]
 
@@ -180,6 +187,29 @@ def test_an_interrupt_is_one_line(capsys, tmp_path, fakes, monkeypatch):
 
     monkeypatch.setattr(sys.modules["testbench.run.simulate"], "run", interrupted)
     assert gyro(capsys, "run", "--out", str(tmp_path)) == (130, "", "gyro: interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("size", "words"), [("", ""), ("Unable to allocate 179. MiB", ": Unable to allocate 179. MiB")]
+)
+def test_a_lack_of_memory_is_one_line(capsys, tmp_path, fakes, monkeypatch, size, words):
+    def greedy(*_, **__):
+        raise MemoryError(size)
+
+    monkeypatch.setattr(sys.modules["testbench.run.simulate"], "run", greedy)
+    monkeypatch.setattr("testbench.run.budget.budget", greedy)
+    for argv in (["run", "--out", str(tmp_path / "out")], ["budget"]):
+        want = f"gyro: out of memory{words}; end other programs, or raise the limit (ulimit -v)\n"
+        assert gyro(capsys, *argv) == (2, "", want)
+    assert os.listdir(tmp_path / "out") == []
+
+
+@pytest.mark.parametrize("threads", ["0", "-2", " 00 "])
+def test_a_count_of_threads_that_numba_refuses_is_one_line(capsys, monkeypatch, threads):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    code, out, err = gyro(capsys, "budget")
+    assert (code, out) == (2, "")
+    assert err == f"gyro: NUMBA_NUM_THREADS = {threads.strip()} is below the limit 1 thread\n"
 
 
 def test_a_bug_keeps_its_traceback(capsys, tmp_path, fakes, monkeypatch):

@@ -19,8 +19,8 @@ import pytest
 from testbench import config
 from testbench.commands import main as cli
 from testbench.errors import ConfigError, FileError
-from testbench.run import outputs, simulate
-from testbench.storage import checkpoint, files, identity, record_read, state_file
+from testbench.run import nodes, outputs, simulate
+from testbench.storage import checkpoint, files, identity, record_read, spool, state_file
 from tests.testbench.bench_setup import configured
 from tests.testbench.command import gyro
 
@@ -183,6 +183,24 @@ def test_a_killed_run_ends_in_the_same_bytes(interrupted, uncut, tmp_path, turns
     assert {"run.h5", "state.h5", "run.vcd", "startup.png", "rate_step.png"} <= set(names)
     for name in set(names) - {"run.html"}:
         assert plain(tmp_path / "out" / name) == plain(folder / name), name
+
+
+@pytest.mark.parametrize(("owner", "name", "nth"), [(spool.Spool, "_write", 3), (nodes, "read", 1)])
+def test_a_run_out_of_memory_says_how_to_continue(locked, uncut, tmp_path, monkeypatch, owner, name, nth):
+    """In the middle of a write of rows, and in the diagnosis: one line, and the run continues to the same codes."""
+    plain, calls = getattr(owner, name), []
+
+    def wanting(*given):
+        calls.append(given)
+        if len(calls) == nth:
+            raise MemoryError("Unable to allocate 179. MiB")
+        return plain(*given)
+
+    monkeypatch.setattr(owner, name, wanting)
+    got = gyro(*command(locked, "--out", "out", "--json"), folder=tmp_path)
+    lack = "gyro: out of memory: Unable to allocate 179. MiB; to continue: gyro run --resume-run out\n"
+    assert got == (2, "", lack)
+    assert numbers(run_here(tmp_path, ["run", "--resume-run", "out", "--json"])) == uncut[0]
 
 
 def test_the_record_of_a_continued_run_is_whole(uncut):
