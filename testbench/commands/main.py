@@ -247,11 +247,12 @@ def _lack(problem):
 
 
 def _file_of(problem):
-    """File that a system's error is about; of a failed write only the frame of the `Path` knows it."""
+    """File that a system's error is about; of a failed write only frames of pathlib and Numba know it."""
     name, trace = problem.filename, problem.__traceback__
     while trace and not problem.filename:
-        owner = trace.tb_frame.f_locals.get("self")
-        name, trace = owner if isinstance(owner, Path) else name, trace.tb_next
+        known = trace.tb_frame.f_locals
+        name = next((v for v in (known.get("self"), known.get("filepath")) if isinstance(v, (str, Path))), name)
+        trace = trace.tb_next
     return name or "gyro"
 
 

@@ -118,7 +118,7 @@ def test_rates_reach_the_frames_they_are_for(sim):
     sim._run = run
     sim.advance(60, 0.0, 25.0)
     sim.window = (50_000, 311)
-    rates = np.arange(2000.0)
+    rates = np.arange(2000.0) / 20
     sim.advance(125 * 1900, rates, 25.0)
     assert [seen[k] for k in range(1, 1900)] == rates[1:1900].tolist()
 
