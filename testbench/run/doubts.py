@@ -1,11 +1,17 @@
 """What a run shows of faults that the firmware has no flag for: warnings of its summary.
 
     repeated   a code of the ADC repeats for more frames than its noise explains with probability REPEATED in the run
+    jumps      a code leaves the line between its neighbours by more than SIGMAS of what it scatters by in the same
+               block, in OFTEN blocks or more
+    rings      so do both codes of the sense mode over RING_FRAMES, about equally: it swings freely, because a force
+               that its loop commands was not there
     not null   the mean of a code that a loop brings to zero is not zero in the last quarter of the run
     drift      a word of a loop moves from the first to the last quarter of the run by more than its part of LIMITS,
                and by more than SIGMAS of what its blocks scatter
 
-The last two need a constant rate and temperature: changes of these explain them.
+The last three need a constant rate and temperature: changes of these explain them. The converter smooths a true rate:
+a jump of 600 deg/s stays below 8 of the scatter from frame to frame. Register writes and jumps beyond JUMP_DPS may each
+explain OFTEN blocks with a jump.
 Rows in LOCKED count, without those of the first SETTLE_FRAMES, or more where loops are slower. Sums are kept by
 blocks of frames, whose length doubles when there are BLOCKS of them: their number does not grow with the run.
 Source  docs/faults.md
@@ -20,31 +26,46 @@ from testbench.run import resting
 from testbench.run.simulation import FRAME
 
 CODES = ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")
+COLUMNS = [FRAME[name] for name in CODES]
 NULLED = {"adc_drive_sin": "phase", "adc_sense_sin": "rate", "adc_sense_cos": "quadrature"}
 LIMITS = {"frequency_word": 2e-6, "amplitude_word": 5e-3, "quadrature_code": 5e-3}  # parts of the word
 SUMMED = tuple(dict.fromkeys((*NULLED, *LIMITS)))
+SUMMED_COLUMNS = [FRAME[name] for name in SUMMED]
 NULL_CODES = 2000.0  # a mean beyond it is no null: 2 deg/s, 0.02 deg
 BLOCKS, BLOCK_FRAMES = 64, 400
+OFTEN = 3  # blocks: once is no fault that recurs
+RING_FRAMES = 16
+SCATTER_CODES = 60.0  # at least: below it a jump is no error of the rate
+ALIKE = 3.0  # times that one code of a mode that swings freely exceeds the other, at most
+JUMP_DPS, JUMP_S = 100.0, 1e-3
 SETTLE_FRAMES = 4000
 REPEATED = 1e-6
 SIGMAS = 8.0
+MEDIAN_SIGMAS = 0.6745  # median of the size of a Gaussian of sigma 1
+SENSE = slice(2, 4)  # of CODES
+OF_BLOCKS = f"blocks of {BLOCK_FRAMES} frames"
 QUARTER = 4
 
 
 class Doubts:
-    """A sink of rows: longest runs of equal codes, and sums of blocks.
+    """A sink of rows: longest runs of equal codes, blocks in which codes jump, and sums of blocks.
 
     pace  how many times longer than the default's loops these take to settle
+    step  of the codes of the ADC
     """
 
-    def __init__(self, pace=1.0):
+    def __init__(self, pace=1.0, step=10):
         self.settle = round(SETTLE_FRAMES * pace)
+        self.least = max(SCATTER_CODES, float(step))
         self.active = False
         self.locked = 0  # frames in a row
         self.frames = 0  # that count
         self.last = np.zeros(len(CODES), np.int64)
         self.runs = np.zeros(len(CODES), np.int64)
         self.longest = np.zeros(len(CODES), np.int64)
+        self.recent = np.zeros((len(CODES), 0), np.int32)  # codes of the block that is not yet whole
+        self.jumps = np.zeros(len(CODES), np.int64)  # blocks
+        self.rings = 0  # blocks
         self.length = BLOCK_FRAMES
         self.count = 0  # frames of the block that is not yet full
         self.sums = np.zeros(len(SUMMED), np.int64)
@@ -55,10 +76,13 @@ class Doubts:
         if not self.active or not len(frames):
             return
         locked = frames[:, FRAME["state"]] == sequencer.LOCKED
-        self._rest(frames[:, [FRAME[name] for name in CODES]], locked)
+        codes = frames[:, COLUMNS].T.astype(np.int32)
+        self._rest(codes, locked)
         after = _in_a_row(locked, self.locked)
         self.locked = int(after[-1])
-        counted = frames[after > self.settle][:, [FRAME[name] for name in SUMMED]]
+        after = slice(None) if after[0] > self.settle and locked.all() else after > self.settle
+        self._swing(codes[:, after])
+        counted = frames[:, SUMMED_COLUMNS][after]
         self.frames += len(counted)
         while len(counted):
             piece = counted[: self.length - self.count]
@@ -70,12 +94,23 @@ class Doubts:
 
     def _rest(self, codes, locked):
         """Longest runs of frames that repeat a code while locked."""
-        same = np.diff(np.concatenate([self.last[None], codes]), axis=0) == 0
-        for k in range(len(CODES)):
-            runs = _in_a_row(same[:, k] & locked, int(self.runs[k]))
-            self.longest[k] = max(self.longest[k], runs.max())
-            self.runs[k] = runs[-1]
-        self.last = codes[-1].copy()
+        same = np.diff(codes, axis=1, prepend=self.last[:, None]) == 0
+        runs = _in_a_row(same & locked, self.runs[:, None])
+        self.longest = np.maximum(self.longest, runs.max(axis=1))
+        self.last, self.runs = codes[:, -1].astype(np.int64), runs[:, -1].copy()
+
+    def _swing(self, codes):
+        """Whole blocks in which a code leaves the line between its neighbours; what is left waits for more."""
+        codes = np.concatenate([self.recent, codes], axis=1)
+        blocks = max(0, codes.shape[1] - 2 * RING_FRAMES) // BLOCK_FRAMES
+        self.recent = codes[:, blocks * BLOCK_FRAMES :].copy()
+        codes = codes[:, : blocks * BLOCK_FRAMES + 2 * RING_FRAMES]
+        near = _bends(codes[:, RING_FRAMES - 1 : codes.shape[1] - RING_FRAMES + 1], 1)
+        middle = np.partition(near, BLOCK_FRAMES // 2)[..., BLOCK_FRAMES // 2]
+        limits = SIGMAS * np.maximum(middle / MEDIAN_SIGMAS, self.least)
+        self.jumps += (near.max(axis=-1) > limits).sum(axis=1)
+        far = _bends(codes[SENSE], RING_FRAMES).max(axis=-1)
+        self.rings += int(((far > limits[SENSE]) & (ALIKE * far > far[::-1])).all(axis=0).sum())
 
     def _block(self):
         self.means = np.concatenate([self.means, self.sums[None] / self.count])
@@ -85,7 +120,7 @@ class Doubts:
 
     def dump(self):
         """What a checkpoint keeps."""
-        return {name: value for name, value in vars(self).items() if name not in ("active", "settle")}
+        return {name: value for name, value in vars(self).items() if name not in ("active", "settle", "least")}
 
     def restore(self, values):
         """Continue where `dump` was."""
@@ -95,8 +130,8 @@ class Doubts:
         """Sentences, one for each doubt."""
         wanted = config.scenario
         profiles = any(isinstance(v, (list, tuple)) for v in (wanted.rate_dps, wanted.temperature_degc))
-        steady = () if profiles or config.plant.self_heating_k else (*self._not_null(), *self._drifted())
-        return (*self._repeated(config), *steady)
+        steady = () if profiles or config.plant.self_heating_k else (*self._rang(), *self._not_null(), *self._drifted())
+        return (*self._repeated(config), *self._jumped(wanted), *steady)
 
     def _repeated(self, config):
         if config.firmware.board != "analog_sid" or not self.frames:
@@ -105,6 +140,16 @@ class Doubts:
         for name, p, longest in zip(CODES, resting.adc_repeats(config), self.longest.tolist()):
             if p**longest * self.frames < REPEATED:
                 yield f"{name} repeated one code for {longest + 1} frames ({longest * frame_ms:.3g} ms): frozen?"
+
+    def _jumped(self, wanted):
+        explained = OFTEN * (len(wanted.register_writes) + _rate_jumps(wanted))
+        for name, blocks in zip(CODES, self.jumps.tolist()):
+            if blocks >= OFTEN + explained:
+                yield f"{name} jumps by more than {SIGMAS:g} times its scatter in {blocks} {OF_BLOCKS}: spikes?"
+
+    def _rang(self):
+        if self.rings >= OFTEN:
+            yield f"the sense mode swings freely in {self.rings} {OF_BLOCKS}: does a DAC stand still at times?"
 
     def _not_null(self):
         for name, what in NULLED.items():
@@ -128,8 +173,23 @@ class Doubts:
                 yield f"{name} drifted by {percent} at constant rate and temperature: a channel, a DAC or the gyroscope"
 
 
+def _bends(codes, lag):
+    """Distance of each code from the mean of those `lag` before and behind it, twice, by channel, block and frame."""
+    bends = np.abs(codes[:, : -2 * lag] + codes[:, 2 * lag :] - 2 * codes[:, lag:-lag])
+    return bends.reshape(len(codes), -1, BLOCK_FRAMES)
+
+
+def _rate_jumps(wanted):
+    """How often the scenario's rate changes by more than JUMP_DPS within JUMP_S."""
+    if not isinstance(wanted.rate_dps, (list, tuple)):
+        return 0
+    times, rates = np.array(wanted.rate_dps, float).T
+    part = np.minimum(JUMP_S / np.maximum(np.diff(times), JUMP_S), 1.0) if wanted.rate_shape == "linear" else 1.0
+    return int(np.count_nonzero(np.abs(np.diff(rates)) * part > JUMP_DPS))
+
+
 def _in_a_row(flags, before):
-    """Number of True up to each place, in a row, continuing `before` of them."""
-    places = np.arange(1, len(flags) + 1)
-    last_false = np.maximum.accumulate(np.where(flags, 0, places))
+    """Number of True up to each place, in a row, continuing `before` of them; each row for itself."""
+    places = np.arange(1, flags.shape[-1] + 1)
+    last_false = np.maximum.accumulate(np.where(flags, 0, places), axis=-1)
     return np.where(last_false == 0, places + before, places - last_false)

@@ -285,7 +285,7 @@ class Run:
         self.tally, self.start_up, self.doubts = (
             Tally(build.lsb_hz(config)),
             StartUp(self.sim.design.frame_hz),
-            Doubts(pace(config)),
+            Doubts(pace(config), config.device().adc_step_code),
         )
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = directory
