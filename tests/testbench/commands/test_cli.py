@@ -86,6 +86,35 @@ def fakes(monkeypatch):
 # ---- help ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("given", "seen"),
+    [
+        ({}, ["1", "1", None]),
+        ({"OPENBLAS_NUM_THREADS": "2"}, ["2", None, None]),
+        ({"OMP_NUM_THREADS": "2"}, [None, None, "2"]),
+    ],
+)
+def test_blas_has_one_thread_unless_the_user_says_otherwise(given, seen):
+    """Of a process of the command, and of those that it starts; not of the package as a library."""
+    names = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
+    code = f"""
+import json, os, sys
+import testbench
+before = [os.environ.get(name) for name in {names}]
+import testbench.commands
+assert "numpy" not in sys.modules
+import numpy
+threads = len(os.listdir("/proc/self/task")) if os.path.isdir("/proc/self/task") else 0
+print(json.dumps([before, [os.environ.get(name) for name in {names}], threads]))
+"""
+    env = {k: v for k, v in os.environ.items() if k not in names} | {"PYTHONPATH": str(ROOT)} | given
+    said = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True).stdout
+    before, after, threads = json.loads(said)
+    assert before == [given.get(name) for name in names]
+    assert after == seen
+    assert given or threads <= 1
+
+
 def test_help_imports_nothing_heavy():
     script = f"""
 import sys
