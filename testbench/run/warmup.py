@@ -2,6 +2,7 @@
 
     frame_run    what advances a gyroscope of the frame engine: `frame.run`; on an empty cache the clocked engine, which
                  has the same bits and compiles sooner, until a child has compiled the frame engine
+    wait         for that child, before the cache is removed
     warm_up      compile engines side by side, and wait: before tests and campaigns
 
 With a filled cache, without a cache or on one core nothing is started.
@@ -149,6 +150,12 @@ def frame_run():
     from testbench.engines import frame
 
     return Standby() if _possible() and not is_cached(frame.blocks) else frame.run
+
+
+def wait():
+    """Wait for the child that compiles the frame engine, if this process has started it."""
+    if _frame_child.cache_info().currsize:
+        _frame_child().wait(TIMEOUT_S)
 
 
 def warm_up(*others):

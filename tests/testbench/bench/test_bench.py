@@ -45,6 +45,15 @@ def test_frame_engine(benchmark):
     assert sim.locked
 
 
+def test_the_first_call_contains_the_frame_engine(monkeypatch):
+    done = []
+    monkeypatch.setattr(kernels, "gyroscope", lambda *_, **__: "gyroscope")
+    monkeypatch.setattr(kernels, "advance", lambda *_: done.append("advance"))
+    monkeypatch.setattr(kernels.warmup, "wait", lambda: done.append("wait"))
+    kernels.first_call()
+    assert done == ["advance", "wait", "advance"]
+
+
 @pytest.mark.slow
 def test_firmware_alone(benchmark, locked):
     before = locked.digital[0]

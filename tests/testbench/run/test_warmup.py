@@ -81,6 +81,14 @@ def test_of_two_processes_on_an_empty_cache_one_stands_in_and_the_other_waits(ch
         assert not run.child.running
 
 
+def test_one_can_wait_for_the_frame_engine(children):
+    warmup.wait()
+    assert children == []
+    run = warmup.frame_run()
+    warmup.wait()
+    assert not run.child.running
+
+
 def test_a_filled_cache_needs_none(children, monkeypatch):
     monkeypatch.setattr(warmup, "is_cached", lambda dispatcher: dispatcher is frame.blocks)
     warmup.warm_up()
