@@ -125,9 +125,8 @@ def _outputs():
     yield Case("sense DAC stuck at 0", "RATE_SATURATED", _for_good("dac_stuck", "sense", 0))
     yield Case("sense DAC stuck at code 100000", "RATE_SATURATED", _for_good("dac_stuck", "sense", 100_000))
     yield Case("sense DAC at its rail", "RATE_SATURATED", _for_good("dac_stuck", "sense", 524_287))
-    for name, ms, expected in (("sense", 5, "summary"), ("quadrature", 5, "summary"), ("drive", 5, "nothing")):
-        still = tuple(_bursts("dac_stuck", name, 0, 1e-3 * ms, 50e-3))
-        yield Case(f"{name} DAC stuck at 0 for {ms} of 50 ms", expected, still)
+    for name in scenario.DAC_CODES:
+        yield Case(f"{name} DAC stuck at 0 for 5 of 50 ms", "summary", tuple(_bursts("dac_stuck", name, 0, 5e-3, 50e-3)))
     yield Case("quadrature DAC stuck at 0", "QSC_RAIL", _for_good("dac_stuck", "quadrature", 0))
     yield Case("quadrature DAC stuck at code 30000", "QSC_RAIL", _for_good("dac_stuck", "quadrature", 30_000))
     yield Case("quadrature DAC at its rail", "QSC_RAIL", _for_good("dac_stuck", "quadrature", 65_535))
