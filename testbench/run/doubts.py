@@ -9,9 +9,8 @@
     drift      a word of a loop moves from the first to the last quarter of the run by more than its part of LIMITS,
                and by more than SIGMAS of what its blocks scatter
 
-The last three need a constant rate and temperature: changes of these explain them. The converter smooths a true rate:
-a jump of 600 deg/s stays below 8 of the scatter from frame to frame. Register writes and jumps beyond JUMP_DPS may each
-explain OFTEN blocks with a jump.
+The last three need a constant rate and temperature: changes of these explain them. Jumps need none, because the
+converter smooths a true rate; a register write, or a change of the rate beyond JUMP_DPS, explains OFTEN of them.
 Rows in LOCKED count, without those of the first SETTLE_FRAMES, or more where loops are slower. Sums are kept by
 blocks of frames, whose length doubles when there are BLOCKS of them: their number does not grow with the run.
 Source  docs/faults.md
@@ -33,7 +32,7 @@ SUMMED = tuple(dict.fromkeys((*NULLED, *LIMITS)))
 SUMMED_COLUMNS = [FRAME[name] for name in SUMMED]
 NULL_CODES = 2000.0  # a mean beyond it is no null: 2 deg/s, 0.02 deg
 BLOCKS, BLOCK_FRAMES = 64, 400
-OFTEN = 3  # blocks: once is no fault that recurs
+OFTEN = 3  # blocks; noise alone gives as many in an hour with probability below 1e-8
 RING_FRAMES = 16
 SCATTER_CODES = 60.0  # at least: below it a jump is no error of the rate
 ALIKE = 3.0  # times that one code of a mode that swings freely exceeds the other, at most

@@ -69,7 +69,7 @@ def _drift(channel, codes):
         yield (round(k * step_s, 6), "adc_offset", channel, round(codes * (k + 1) / DRIFT_STEPS), lasts_s)
 
 
-def _bursts(kind, channel, value, lasts_s, period_s):
+def bursts(kind, channel, value, lasts_s, period_s):
     """A fault that comes and goes."""
     for k in range(round(LASTS_S / period_s)):
         yield (round(k * period_s, 6), kind, channel, value, lasts_s)
@@ -93,7 +93,7 @@ def _channels():
             f"{name}: drift of {whole} codes in 5 s", expected, tuple(_drift(name, whole)), lasts_s=DRIFT_S + LASTS_S
         )
     for name in scenario.ADC_CHANNELS[:4]:
-        spikes = tuple(_bursts("adc_offset", name, SPIKE_CODES, 1e-3, 10e-3))
+        spikes = tuple(bursts("adc_offset", name, SPIKE_CODES, 1e-3, 10e-3))
         yield Case(f"{name}: {SPIKE_CODES} codes for 1 of 10 ms", "summary", spikes)
     yield Case("sense_sin and sense_cos swapped", "QSC_RAIL", _swapped("sense_sin", "sense_cos"))
     yield Case("drive_sin and drive_cos swapped", "lock", _swapped("drive_sin", "drive_cos"))
@@ -126,7 +126,7 @@ def _outputs():
     yield Case("sense DAC stuck at code 100000", "RATE_SATURATED", _for_good("dac_stuck", "sense", 100_000))
     yield Case("sense DAC at its rail", "RATE_SATURATED", _for_good("dac_stuck", "sense", 524_287))
     for name in scenario.DAC_CODES:
-        yield Case(f"{name} DAC stuck at 0 for 5 of 50 ms", "summary", tuple(_bursts("dac_stuck", name, 0, 5e-3, 50e-3)))
+        yield Case(f"{name} DAC stuck at 0 for 5 of 50 ms", "summary", tuple(bursts("dac_stuck", name, 0, 5e-3, 50e-3)))
     yield Case("quadrature DAC stuck at 0", "QSC_RAIL", _for_good("dac_stuck", "quadrature", 0))
     yield Case("quadrature DAC stuck at code 30000", "QSC_RAIL", _for_good("dac_stuck", "quadrature", 30_000))
     yield Case("quadrature DAC at its rail", "QSC_RAIL", _for_good("dac_stuck", "quadrature", 65_535))

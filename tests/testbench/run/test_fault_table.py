@@ -20,6 +20,7 @@ pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed l
 CASES = {f"{case.board}: {case.name}": case for case in fault_table.cases()}
 FROZEN = [name for name in CASES if "frozen" in name and "temperature" not in name]
 QUICK = [*FROZEN, "analog_sid: ADC silent", "analog_sid: sense DAC stuck at 0", "analog_sid: one frame repeated"]
+RECURRENT = [name for name in CASES if " of 10 ms" in name or " of 50 ms" in name]
 WITHIN_MS = 50.0
 
 
@@ -48,15 +49,23 @@ def test_the_page_says_what_is_expected_to_see_each_fault():
     assert {name: row[2] for name, row in written().items()} == {name: case.expected for name, case in CASES.items()}
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", [*QUICK, *RECURRENT])
 def test_faults_of_which_the_page_says_the_most(name):
     confirm(name)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in CASES if name not in QUICK])
+@pytest.mark.parametrize("name", [name for name in CASES if name not in [*QUICK, *RECURRENT]])
 def test_every_other_fault(name):
     confirm(name)
+
+
+def test_spikes_of_a_thousand_codes_are_seen_and_a_jump_of_the_rate_is_none():
+    spikes = tuple(fault_table.bursts("adc_offset", "sense_sin", 1000, 1e-3, 10e-3))
+    assert "adc_sense_sin jumps" in fault_table.run(fault_table.Case("", "summary", spikes)).warnings[0]
+    for board in (fault_table.ANALOG, fault_table.DIGITAL):
+        row = fault_table.run(fault_table.Case("", "nothing", board=board, rate_dps=-400.0))
+        assert (row.seen_by, row.warnings) == ("nothing", ())
 
 
 @pytest.mark.parametrize("name", FROZEN)
