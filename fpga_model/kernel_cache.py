@@ -125,19 +125,6 @@ def _fault(folder):
     return None if os.access(folder, os.W_OK | os.X_OK) else "cannot be written"
 
 
-def _private_root():
-    """A folder among the temporary files that only this user can enter; None if somebody else has its name."""
-    root = Path(tempfile.gettempdir()) / f"{FOLDER}-{os.geteuid()}"
-    try:
-        with contextlib.suppress(FileExistsError):
-            root.mkdir(mode=0o700)
-        found = root.lstat()
-    except OSError:
-        return None
-    private = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & 0o077
-    return root if private else None
-
-
 @functools.cache
 def cache_root():
     """Folder that all caches lie in, or None; where the user has none, libraries and children use the private one."""
@@ -150,8 +137,8 @@ def cache_root():
     if fault is None:
         return root / FOLDER
     where = f"{root / FOLDER} {fault}" if root else fault
-    private = _private_root()
-    if private is None or _fault(private / FOLDER):
+    private = Path(tempfile.gettempdir()) / f"{FOLDER}-{os.geteuid()}"
+    if _fault(private) or _fault(private / FOLDER):
         _say(f"{where}: each process compiles its kernels again; set GYRO_CACHE to a folder of your own")
         return None
     _say(f"{where}: compiled kernels are kept in {private}; set GYRO_CACHE to a folder of your own")
@@ -170,7 +157,8 @@ def cache_folder(path):
     folder = home / source_digest(path)[:16]
     try:
         new = not folder.is_dir()
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if _fault(home) or _fault(folder):
+            return None
         os.utime(folder)
         if new:
             for old in sorted(home.glob("?" * 16), key=lambda p: p.stat().st_mtime)[:-KEPT_CACHES]:

@@ -8,7 +8,6 @@
     journal/HOST-PID.jsonl    who began, wrote and finished what, when: a line each, with a checksum
     rejected/                 points that were not what their address says; computed again
     claims/ADDRESS            locked by the process that is at work on the point
-    tmp/                      files that are being written
     lock                      locked by the one campaign that may be at work here
 
 What a process is about to write as a point it declares in its journal, with the SHA-256 of the file. A point that was
@@ -35,10 +34,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from fpga_model import shared_files
 from testbench.errors import FileError
 from testbench.storage import inputs
-from testbench.storage.files import alone, explain, refuse_foreign_links
+from testbench.storage.files import alone, explain, refuse_foreign_links, write_bytes
 
 SCHEMA = "gyrostore/1"
-FOLDERS = ("points", "states", "plans", "results", "journal", "claims", "tmp")
+FOLDERS = ("points", "states", "plans", "results", "journal", "claims")
 MOST_LINE_BYTES = 1 << 16  # of a journal
 CRC = ', "crc": "'
 
@@ -126,23 +125,9 @@ class Store:
         return sorted(f"{p.parent.name}{p.stem}" for p in (self.path / "points").glob("??/*.h5"))
 
     def publish(self, address, data):
-        """Declare a point in the journal, write it beside and rename it; nothing is left if the disk is full."""
-        path = self.point(address)
-        part = self.path / "tmp" / f"{address[:16]}.{uuid.uuid4().hex[:8]}.part"
+        """Declare a point in the journal, and write it whole or not at all."""
         self.journal("write", point=address, sha256=hashlib.sha256(data).hexdigest())
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with open(part, "wb", buffering=0) as file:
-                left = memoryview(data)
-                while left:
-                    left = left[file.write(left) :]
-                os.fsync(file.fileno())
-            os.replace(part, path)
-        except OSError as problem:
-            raise explain(path, problem) from None
-        finally:
-            with contextlib.suppress(OSError):
-                part.unlink()
+        write_bytes(self.point(address), data)
 
     @contextlib.contextmanager
     def claim(self, address):
@@ -212,15 +197,6 @@ class Store:
     def locked(self):
         """Be the one campaign at work here, or FileError that says who is."""
         with alone(self.path / "lock", f"{self.path}: another campaign is at work here"):
-            try:
-                for folder in ("tmp", "results"):  # copies without empty folders lack them
-                    (self.path / folder).mkdir(exist_ok=True)
-                parts = list((self.path / "tmp").iterdir())
-            except OSError as problem:
-                raise explain(problem.filename or self.path, problem) from None
-            for part in parts:
-                with contextlib.suppress(OSError):
-                    part.unlink()
             yield
 
     def owner(self):

@@ -159,7 +159,7 @@ WRITERS = (
 
 def full(rng, corpus, folder):
     """A command that writes, on a disk that is full after some bytes: it ends well, or names the file."""
-    _prepare()
+    prepare()
     argv = [str(corpus / word) if word.startswith("gyrorec") else word for word in rng.choice(WRITERS)]
     room = rng.choice((0, 1, 50, 1000, 10_000, 100_000))
 

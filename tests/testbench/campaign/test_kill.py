@@ -90,7 +90,7 @@ class Watched:
         assert sorted(written) == store.addresses()
         for address, began in written.items():
             assert store.point(address).stat().st_mtime > began - 0.05, "the last start is the one that was finished"
-        assert list((self.path / "tmp").iterdir()) == []
+        assert not list((self.path / "points").rglob("*.part"))
 
 
 def moments(rng, kills, points):
