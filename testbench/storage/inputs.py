@@ -54,7 +54,7 @@ def opened(path, limit=None, error=FileError):
     try:
         # without O_NONBLOCK to open a FIFO waits for a writer
         handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
-    except (OSError, ValueError, TypeError) as problem:
+    except (OSError, ValueError) as problem:
         raise error(f"{path}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from None
     found = os.fstat(handle)
     if not stat.S_ISREG(found.st_mode):
