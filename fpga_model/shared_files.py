@@ -18,6 +18,7 @@ from pathlib import Path
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 PATIENCE_S = 1.0  # whoever waits longer says for whom
 MOST_OWNER_BYTES = 200
+UNKNOWN, MOST_TRIES = "an unknown process", 20
 
 
 class Held(OSError):
@@ -46,6 +47,7 @@ def open_regular(path, flags=os.O_RDWR | os.O_CREAT):
 
 def try_lock(path):
     """Locked open file, made if need be, that says who has it; `Held` if another process has it."""
+    tries = 0
     while True:
         file = open(open_regular(path), "r+")
         try:
@@ -55,7 +57,12 @@ def try_lock(path):
                 break
         except BlockingIOError:
             file.close()
-            raise Held(errno.EWOULDBLOCK, lock_owner(path), str(path)) from None
+            owner, tries = lock_owner(path), tries + 1
+            # a moment ago it was taken, and the text follows, or it is being removed
+            if owner != UNKNOWN or tries > MOST_TRIES:
+                raise Held(errno.EWOULDBLOCK, owner, str(path)) from None
+            time.sleep(0.005)
+            continue
         except FileNotFoundError:
             pass
         except OSError as problem:
@@ -98,7 +105,7 @@ def lock_owner(path):
             text = file.read(MOST_OWNER_BYTES).decode(errors="replace")
     except OSError:
         text = ""
-    return "".join(c for c in text if c.isprintable()) or "an unknown process"
+    return "".join(c for c in text if c.isprintable()) or UNKNOWN
 
 
 def is_locked(path):
