@@ -35,8 +35,8 @@ FAULTS = (
     ("testbench/storage/code_hash.py", "BLOCK_TICKS - tick % BLOCK_TICKS", "BLOCK_TICKS", "testbench/storage"),
     (
         "testbench/storage/files.py",
-        "os.replace(part, path)",
-        "os.rename(part, str(path) + '.new')",
+        "os.replace(staging.new, staging.path)",
+        "os.rename(staging.new, str(staging.path) + '.new')",
         "testbench/storage",
     ),
     ("testbench/config/load.py", "abs(v) <= 1e-2", "abs(v) <= 1e-1", "testbench/config"),

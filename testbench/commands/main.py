@@ -246,6 +246,15 @@ def _lack(problem):
     return f"out of memory: {problem}" if str(problem) else "out of memory"
 
 
+def _file_of(problem):
+    """File that a system's error is about; of a failed write only the frames of pathlib know it."""
+    name, trace = problem.filename, problem.__traceback__
+    while trace and not problem.filename:
+        own = trace.tb_frame.f_locals.get("self")
+        name, trace = own if isinstance(own, Path) else name, trace.tb_next
+    return name or "gyro"
+
+
 def _check_process(argv):
     """ConfigError for an argument that is empty or has a NUL, and for a count of threads that Numba refuses."""
     for number, (before, text) in enumerate(itertools.pairwise(["gyro", *argv]), 1):
@@ -276,7 +285,7 @@ def _ended(argv):
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except OSError as problem:  # a name that is too long, a disk that is full: the system's word on a file
-        _say(f"{problem.filename or 'gyro'}: {problem.strerror or problem}")
+        _say(f"{_file_of(problem)}: {problem.strerror or problem}")
     except MemoryError as problem:
         _say(f"{_lack(problem)}; end other programs, or raise the limit (ulimit -v)")
     except Exception as problem:

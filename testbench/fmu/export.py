@@ -150,6 +150,16 @@ def units(config, version="3.0"):
 
 def export(folder, config, version="3.0"):
     """Write both FMUs of a configuration, and for FMI 3.0 the importer; returns the paths."""
+    with replacing_folder(folder, keep=True) as new:
+        files = _files(config, version)
+        for name, content in files.items():
+            (new / name).parent.mkdir(exist_ok=True)
+            (new / name).write_bytes(content)
+    return [Path(folder) / name for name in files]
+
+
+def _files(config, version):
+    """{path: bytes} of what `export` writes."""
     files = {f"{unit.name}.fmu": archive(unit.contents()) for unit in units(config, version)}
     if version == "3.0":
         record = config.design_record()
@@ -158,8 +168,4 @@ def export(folder, config, version="3.0"):
         known += f"#define TICK_S {1 / record.tick_hz!r}\n"
         texts = {**_templates(*IMPORTER), "of_export.h": known}
         files |= {f"importer/{name}": text.encode() for name, text in texts.items()}
-    with replacing_folder(folder, keep=True) as new:
-        for name, content in files.items():
-            (new / name).parent.mkdir(exist_ok=True)
-            (new / name).write_bytes(content)
-    return [Path(folder) / name for name in files]
+    return files

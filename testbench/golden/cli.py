@@ -36,6 +36,7 @@ def export(
 ):
     """Write the golden bundles of a block, one folder per case: DIR/BLOCK/CASE; with --c also the firmware in C."""
     from testbench.errors import ConfigError
+    from testbench.golden.bundles import bundle
     from testbench.golden.bundles.export import export as write
     from testbench.storage.files import together
 
@@ -53,7 +54,11 @@ def export(
         if out is not None:
             write_bundles(out)
     if as_json:
-        listed = [{"folder": str(folder), "rows": m["n"], "sha256": m["manifest_sha256"]} for folder, m in done]
+        listed = [
+            {"folder": str(folder), "rows": m["n"], "sha256": m["manifest_sha256"]}
+            | {"vectors_sha256": bundle.vectors_sha256(m)}
+            for folder, m in done
+        ]
         typer.echo(json.dumps({"bundles": listed} | ({"c_files": [str(path) for path in files]} if files else {})))
         return
     if files:

@@ -125,7 +125,7 @@ def _dds(files):
 
     path = files / "golden" / "dds" / "default"
     if not path.exists():
-        export.export_case(blocks.BLOCKS["dds"], "default", files / "golden")
+        export.export_case(blocks.BLOCKS["dds"], "default", path)
     return path
 
 

@@ -141,6 +141,12 @@ def seal(manifest):
     return hashlib.sha256(canonical(kept).encode()).hexdigest()
 
 
+def vectors_sha256(manifest):
+    """SHA-256 of a bundle's vectors alone: what benches, scripts, goals and names of it do not change."""
+    vectors = {name: manifest["sha256"][name] for name in (f"{word}.hex" for word in words_of(manifest))}
+    return hashlib.sha256(canonical(vectors).encode()).hexdigest()
+
+
 def sealed(manifest, files):
     """The whole manifest of files: {path: text or bytes}."""
     raw = {name: files[name] if isinstance(files[name], bytes) else files[name].encode() for name in sorted(files)}

@@ -86,9 +86,13 @@ def test_the_page_says_what_each_file_of_a_bundle_is_for(bundles):
 
 
 def digests(folder):
-    """{block/case: hash of the manifest, which holds those of all files}."""
-    found = sorted(folder.glob(f"*/{bundle.MANIFEST}"))
-    return {f"{folder.name}/{p.parent.name}": json.loads(p.read_text())["manifest_sha256"] for p in found}
+    """{block/case: hashes of the manifest, which holds those of all files, and of the vectors alone}."""
+    found = {path.parent.name: json.loads(path.read_text()) for path in sorted(folder.glob(f"*/{bundle.MANIFEST}"))}
+    return {f"{folder.name}/{case}": pin_of(manifest) for case, manifest in found.items()}
+
+
+def pin_of(manifest):
+    return {"manifest": manifest["manifest_sha256"], "vectors": bundle.vectors_sha256(manifest)}
 
 
 # the ranges of the sequencer take seconds to prove

@@ -140,7 +140,7 @@ def test_chunks_do_not_matter_to_self_heating():
     checked = configured(plant__self_heating_k=5.0, plant__warm_up_tau_s=1.0)
     temps = []
     for steps in ((5000,), (1, 124, 1, 374, 250, 3999, 251)):
-        sim = simulate.Simulation(checked, 25.0, 25.0)
+        sim = simulate.Simulation(checked, 25.0, 26.0)
         for ticks in steps:
             sim.advance(ticks, 0.0, np.linspace(25.0, 26.0, 42)[sim.tick // 125 :])
         temps.append(sim.columns()["truth_temperature"])
