@@ -74,6 +74,7 @@ test-bounds: $(VENV)/.test ## the suite with Numba checking every index
 	NUMBA_BOUNDSCHECK=1 $(PYTEST) -n 2 --benchmark-disable
 
 fuzz: $(VENV)/.test ## hostile files of every kind and hostile options, counts by kind; MINUTES=20 for longer, SEED=7 for others
+	@.ci/timed "kernels compiled" $(BIN)/python -m tests.warm
 	$(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),5) --seed $(or $(SEED),1) $(if $(KIND),--kind $(KIND))
 
 designs: $(VENV)/.test ## random designs over all keys of [design]: both engines have the same registers and codes; COUNT=40 SEED=1
