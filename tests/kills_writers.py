@@ -164,7 +164,7 @@ def pair(name, seed, folder):
     processes.append(_begin(writer.other, folder))
     ends = [ended(process, PATIENCE_S) for process in processes]
     for done in ends:
-        if wrong := wrong_end(done, (0, 2)) or (done.code and "another process" not in done.err and done.err):
+        if wrong := wrong_end(done, (0, 2)) or (done.code and "another" not in done.err and done.err):
             return wrong
     found = [_undisturbed(name, k)[0] for k, done in enumerate(ends) if done.code == 0]
     if not found:

@@ -15,7 +15,8 @@ from testbench.errors import FileError
 from testbench.storage.inputs import MOST_EXPANSION
 
 LONGEST_S, BYTES_PER_S = 15.0, 1 << 20  # time: at least, and more for large files
-MOST_MEMORY = 1 << 31  # address space (bytes), libraries included; more for large files
+# address space, libraries included, and what of it is the process's own (bytes); more for large files
+MOST_MEMORY, MOST_OWN = 1 << 31, 3 << 28
 REFUSED = 3
 ROOT = str(Path(__file__).resolve().parents[2])
 
@@ -53,8 +54,9 @@ def main(read):
     try:
         import resource
 
-        most = MOST_MEMORY + MOST_EXPANSION * path.stat().st_size
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        more = MOST_EXPANSION * path.stat().st_size
+        for limit, least in ((resource.RLIMIT_AS, MOST_MEMORY), (resource.RLIMIT_DATA, MOST_OWN)):
+            resource.setrlimit(limit, (least + more, least + more))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     except (ImportError, ValueError, OSError):
         pass  # no such limits here: the limit of time is left
