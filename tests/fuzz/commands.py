@@ -15,7 +15,7 @@ from testbench.errors import FileError
 ALLOWED = (0, 1, 2)
 BLOCKED = 3  # of `measured check`: a record whose firmware is not the model's
 HEAVY = (
-    "testbench.run.simulate:run", "testbench.paper.calibration.calibrations:many", "testbench.paper.page:write",
+    "testbench.run.simulate:run", "testbench.paper.calibration.calibrations:many", "testbench.paper.study:Study",
     "testbench.paper.measure.characterise:characterise", "testbench.campaign.execute:run",
     "testbench.campaign.rerun:rerun", "testbench.golden.bundles.export:export",
     "testbench.golden.bundles.effect:export",
