@@ -13,14 +13,12 @@ the command is refused with one line. A command that was killed leaves whole res
 
 import functools
 import random
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.processes import difference, ended, environment, killed_after, run_to_end, start, tree_of, wrong_end
+from tests.processes import difference, ended, killed_after, run_to_end, start, tree_of, wrong_end
 
 BLOCK = "pi"
 EXPORT = ("golden", "export", BLOCK, "--out", "golden")
@@ -81,20 +79,8 @@ def _results(folder, ignore=UNFINISHED):
     return {name: digest for name, digest in found.items() if not name.endswith(".toml")}
 
 
-def _begin(what, folder):
-    """Process of a command line, or of a Python text."""
-    if not isinstance(what, str):
-        return start(what, folder)
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen(
-        [sys.executable, "-c", what], cwd=folder, env=environment(), start_new_session=True, **quiet
-    )
-    process.began = time.monotonic()
-    return process
-
-
 def _undisturbed(what, folder):
-    done = ended(_begin(what, folder), TRACE_S)
+    done = ended(start(what, folder), TRACE_S)
     if done.code != 0:
         raise AssertionError(f"undisturbed: exit code {done.code}: {done.err[-300:]}")
     return Undisturbed(_results(folder, ()), done.wall_s)
@@ -144,9 +130,9 @@ def _torn(whole, folder):
 
 def _two(what, whole, seed, folder):
     """Two starts at once in a folder that is prepared."""
-    processes = [_begin(what, folder)]
+    processes = [start(what, folder)]
     time.sleep(random.Random(seed).uniform(0.0, whole.wall_s))
-    processes.append(_begin(what, folder))
+    processes.append(start(what, folder))
     ends = [ended(process, TRACE_S) for process in processes]
     for done in ends:
         if (wrong := wrong_end(done, (0, 2))) is not None:
@@ -159,12 +145,12 @@ def _two(what, whole, seed, folder):
 def _killed(what, whole, seed, folder, number):
     """A kill, then the same command again, in a folder that is prepared."""
     moment = random.Random(seed).uniform(0.0, 1.05 * whole.wall_s)
-    done = killed_after(_begin(what, folder), moment, number, TRACE_S)
+    done = killed_after(start(what, folder), moment, number, TRACE_S)
     # a signal while Python itself starts ends the process with Python's own words
     wrong = (None if done.code == -number else wrong_end(done, (0, 130))) or _torn(whole, folder)
     if wrong is not None:
         return f"killed after {moment:.2f} s: {wrong}"
-    again = ended(_begin(what, folder), TRACE_S)
+    again = ended(start(what, folder), TRACE_S)
     if again.code != 0:
         return f"killed after {moment:.2f} s, then exit code {again.code}: {again.err[-300:]!r}"
     wrong = difference(whole.tree, _results(folder, ()))

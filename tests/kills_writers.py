@@ -11,8 +11,6 @@ import functools
 import io
 import random
 import re
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -23,7 +21,7 @@ import numpy as np
 from tests.fuzz import corpus
 from tests.fuzz.hostile import toml
 from tests.kills_golden import PLAN
-from tests.processes import ROOT, difference, ended, environment, killed_after, start, tree_of, wrong_end
+from tests.processes import ROOT, difference, ended, killed_after, start, tree_of, wrong_end
 
 OUT = "out"
 PATIENCE_S = 600.0
@@ -117,17 +115,6 @@ WRITERS = {
 }  # fmt: skip
 
 
-def _begin(what, folder):
-    if not isinstance(what, str):
-        return start(what, folder)
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen(
-        [sys.executable, "-c", what], cwd=folder, env=environment(), start_new_session=True, **quiet
-    )
-    process.began = time.monotonic()
-    return process
-
-
 def _content(path):
     """Bytes of a file, without the identity of a record, and without dates."""
     data = re.sub(rb'"record_id": "[^"]*"', b"", path.read_bytes())
@@ -149,7 +136,7 @@ def _undisturbed(name, which):
     writer = WRITERS[name]
     with tempfile.TemporaryDirectory() as folder:
         _prepare(writer, folder)
-        done = ended(_begin(writer[which], folder), PATIENCE_S)
+        done = ended(start(writer[which], folder), PATIENCE_S)
         if done.code != 0:
             raise AssertionError(f"{name}: undisturbed: exit code {done.code}: {done.err[-300:]}")
         return _tree(folder), done.wall_s
@@ -159,9 +146,9 @@ def pair(name, seed, folder):
     """Two commands that write other things into one place."""
     writer, (_, wall_s) = WRITERS[name], _undisturbed(name, 0)
     _prepare(writer, folder)
-    processes = [_begin(writer.one, folder)]
+    processes = [start(writer.one, folder)]
     time.sleep(random.Random(seed).uniform(0.0, 0.1 * wall_s))
-    processes.append(_begin(writer.other, folder))
+    processes.append(start(writer.other, folder))
     ends = [ended(process, PATIENCE_S) for process in processes]
     for done in ends:
         if wrong := wrong_end(done, (0, 2)) or (done.code and "another" not in done.err and done.err):
@@ -178,16 +165,16 @@ def kill(name, seed, folder, number):
     writer, (_, wall_s) = WRITERS[name], _undisturbed(name, 1)
     old, new = _undisturbed(name, 0)[0], _undisturbed(name, 1)[0]
     _prepare(writer, folder)
-    if (done := ended(_begin(writer.one, folder), PATIENCE_S)).code:
+    if (done := ended(start(writer.one, folder), PATIENCE_S)).code:
         return f"exit code {done.code}: {done.err[-300:]!r}"
     draw = random.Random(seed)
     moment = draw.uniform(*draw.choice(((0.0, 1.05), (0.85, 1.05)))) * wall_s
-    killed_after(_begin(writer.other, folder), moment, number, PATIENCE_S)
+    killed_after(start(writer.other, folder), moment, number, PATIENCE_S)
     time.sleep(0.1)  # a process that renames may still be at it
     found = _tree(folder)
     if found not in (old, new):
         return f"killed after {moment:.2f} s: neither old nor new: {difference(old, found)}; {difference(new, found)}"
-    again = ended(_begin(writer.other, folder), PATIENCE_S)
+    again = ended(start(writer.other, folder), PATIENCE_S)
     wrong = difference(new, _tree(folder)) if again.code == 0 else again.err[-300:]
     return None if wrong is None else f"killed after {moment:.2f} s, then: {wrong}"
 

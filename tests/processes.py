@@ -39,11 +39,12 @@ def environment(**more):
 
 
 def start(arguments, cwd, **env):
-    """`gyro ARGUMENTS` in the folder `cwd`, not waited for."""
+    """`gyro ARGUMENTS`, or a Python text, in the folder `cwd`, not waited for."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; a child would ignore Ctrl-C too
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    text = isinstance(arguments, str)
     process = subprocess.Popen(
-        [sys.executable, "-m", "testbench.commands.main", *map(str, arguments)],
+        [sys.executable, *(("-c", arguments) if text else ("-m", "testbench.commands.main", *map(str, arguments)))],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -239,8 +239,8 @@ def replacing_folder(path, mark=None, keep=False):
             if not keep and (mark is None or not (path / mark).is_file()):
                 why = f" and has no {mark}" if mark else ""
                 raise FileError(f"{path}: is not empty{why}; it is not replaced: name another folder")
-            if Path.cwd().is_relative_to(path.resolve()):
-                raise FileError(f"{path}: this command works in it and cannot replace it; name a folder in it")
+        if path.is_dir() and Path.cwd().is_relative_to(path.resolve()):
+            raise FileError(f"{path}: this command works in it and cannot replace it; name a folder in it")
         new.mkdir()
         token = _set.set(None)
         try:

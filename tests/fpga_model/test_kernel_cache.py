@@ -196,6 +196,15 @@ def test_a_warm_start_takes_no_lock_and_a_cold_one_says_whom_it_waits_for(tmp_pa
         assert said.endswith(" compiles of_lock.answer\n")
 
 
+def test_a_lock_on_a_full_disk_holds_without_its_text(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr(os, "write", full)
+    with shared_files.try_lock(tmp_path / "lock"), pytest.raises(shared_files.Held, match=shared_files.UNKNOWN):
+        shared_files.try_lock(tmp_path / "lock")
+
+
 def test_who_waits_says_so_after_the_patience_and_not_before(tmp_path, capsys):
     with shared_files.try_lock(tmp_path / "lock"), pytest.raises(shared_files.Held, match=f"process {os.getpid()} on "):
         shared_files.try_lock(tmp_path / "lock")

@@ -211,9 +211,12 @@ def test_folders_of_anything_else_are_refused(tmp_path, monkeypatch):
     for mark, why in (("a.txt", "is not empty and has no a.txt"), (None, "is not empty; it is not replaced")):
         with pytest.raises(FileError, match=why), files.replacing_folder(tmp_path / "set", mark):
             pass
-    monkeypatch.chdir(tmp_path / "set")
-    with pytest.raises(FileError, match="this command works in it"), files.replacing_folder(".", keep=True):
-        pass
+    (tmp_path / "empty").mkdir()
+    for name in ("set", "empty"):
+        monkeypatch.chdir(tmp_path / name)
+        with pytest.raises(FileError, match="this command works in it"), files.replacing_folder(".", keep=True):
+            pass
+    (tmp_path / "empty").rmdir()
     assert [p.name for p in tmp_path.rglob("*")] == ["set", "mine.txt"]
 
 
