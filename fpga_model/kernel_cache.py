@@ -129,6 +129,8 @@ def _fault(folder):
 def cache_root():
     """Folder that all caches lie in, or None; where the user has none, libraries and children use the private one."""
     named = os.environ.get("GYRO_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    if named == "0":
+        return None
     try:
         root = Path(named) if named else Path.home() / ".cache"
         fault = _fault(root / FOLDER)
@@ -150,7 +152,7 @@ def cache_root():
 @functools.cache
 def cache_folder(path):
     """The folder that only kernels of these very sources use; None when caching is off or not possible."""
-    if os.environ.get("GYRO_CACHE") == "0" or DISABLED or numba.config.BOUNDSCHECK or cache_root() is None:
+    if DISABLED or numba.config.BOUNDSCHECK or cache_root() is None:
         return None
     name = os.path.relpath(path, ROOT).removesuffix(".py").replace(os.sep, ".").lstrip(".")
     home = cache_root() / name

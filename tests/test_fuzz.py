@@ -47,7 +47,6 @@ def test_the_corpus_is_read(folder):
         lambda: plan.read(folder / "measured.toml"),
         lambda: config.load(folder / "config.toml"),
         lambda: load.load(folder / "gyrorec.h5", replay=False),
-        lambda: load.load(folder / "gyrorec", replay=False),
         lambda: assemble.imported([folder / "lab.csv"], folder / "lab.toml"),
         *(kinds.part(folder / name) for name in corpus.PARTS),
         *(kinds.part(folder / "maps" / kind / "map.toml") for kind in corpus.MAPPED),
@@ -96,7 +95,6 @@ def test_a_finding_is_an_exception_of_another_kind(monkeypatch, tmp_path, read, 
 @pytest.mark.parametrize(
     ("kind", "number"),
     [
-        ("parquet", 733),
         ("paper", 721),
         ("golden", 746),
         ("npz", 757),

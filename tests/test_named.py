@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="inotify is Linux's")
 
 
-LONG = ("bundle", "parquet", "record", "run")  # half a minute and more each
+LONG = ("bundle", "record", "run")  # half a minute and more each
 QUICK = tuple(name for name in named.FORMATS if name not in LONG)
 
 

@@ -20,7 +20,7 @@ app = typer.Typer(
     help="Measured data: check a record, replay its firmware, find what the model cannot explain.",
 )
 
-RecordPath = Annotated[Path, typer.Argument(metavar="FILE", help="Record: HDF5 file, or folder of a bundle.")]
+RecordPath = Annotated[Path, typer.Argument(metavar="FILE", help="Record: HDF5 file.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 EXIT_REFUSED, EXIT_BLOCKED = 2, 3
 
@@ -115,7 +115,7 @@ def _check_part(file, found, as_json):
 @app.command()
 def record(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Conditions, repeats, roles.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file, or folder without ending.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file.")],
     envelope: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Where what the record hides is written, as JSON.")
     ] = None,
@@ -128,9 +128,10 @@ def record(
     """Write a measurement record of the simulated board, or of a plant behind the port."""
     import json
 
-    from testbench.measured.record import load, produce, schema
     from testbench.measured.record import plan as plans
+    from testbench.measured.record import produce, schema
     from testbench.storage.files import together, write_text
+    from testbench.storage.record import write_record
 
     wanted = plans.read(plan)
     if plant is not None:
@@ -140,7 +141,7 @@ def record(
     with _progress(as_json) as progress:
         made = produce.record(wanted, progress)
     with together():
-        digest = load.write(out, made)
+        digest = write_record(out, made)
         if envelope is not None:
             write_text(envelope, json.dumps(produce.envelope(wanted), sort_keys=True, indent=1) + "\n")
     frames = schema.frames_of(made)
@@ -159,20 +160,20 @@ def import_(
         list[Path], typer.Argument(metavar="DATA...", help="CSV, Parquet, .npz or .mat, a power-on each.")
     ],
     columns: Annotated[Path, typer.Option("--map", metavar="F.toml", help="What the columns are.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file, or folder without ending.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file.")],
     as_json: Json = False,
 ):
     """Make a measurement record of files of a laboratory; prints what was found and assumed."""
     from testbench.measured.importing import assemble
-    from testbench.measured.record import checks, load
-    from testbench.storage.record import RecordError
+    from testbench.measured.record import checks
+    from testbench.storage.record import RecordError, write_record
 
     found = assemble.imported(files, columns)
     findings = checks.check(found.record)
     refused = [str(f) for f in findings if f.level == "refused"]
     if refused:
         raise RecordError(columns, refused)
-    digest = load.write(out, found.record)
+    digest = write_record(out, found.record)
     if as_json:
         listed = [{"finding": str(f), "level": f.level} for f in findings]
         return print_json({"file": str(out), "content_sha256": digest, "lines": found.lines, "findings": listed})
@@ -182,12 +183,12 @@ def import_(
 
 
 @app.command()
-def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="OUT", help="The other form.")]):
-    """Write a record in its other form: HDF5 (a name with an ending) or bundle (one without)."""
-    from testbench.measured.record import load
+def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="FOLDER", help="New folder.")]):
+    """Write a record as tables for other programs: Parquet, a file per rate, and CSV, a file per slow log."""
+    from testbench.measured.record import load, tables
 
-    loaded = load.load(file, replay=False)
-    typer.echo(f"{out}  {load.write(out, loaded.record)[:16]}")
+    tables.write(out, load.load(file, replay=False).record)
+    typer.echo(out)
 
 
 @app.command()

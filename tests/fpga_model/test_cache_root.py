@@ -46,6 +46,12 @@ def test_a_home_that_cannot_be_written_is_none(tmp_path):
     assert found[0] == str(private(tmp_path) / "ftr-gyro")
 
 
+def test_a_cache_that_is_off_makes_no_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert shown(tmp_path, GYRO_CACHE="0") == (["None", "False", "0"], "")
+    assert not list(tmp_path.iterdir())
+
+
 def test_where_the_private_folder_is_none_each_process_compiles(tmp_path):
     private(tmp_path).write_text("")
     found, said = shown(tmp_path)

@@ -223,10 +223,6 @@ def make(folder):
     for name in ("gyrorec.h5", "run.h5", "state.h5"):
         shutil.copy(WRITTEN / name, folder / name)
     shutil.copytree(WRITTEN / "store", folder / "store", dirs_exist_ok=True)
-    from testbench.measured.record import bundle as bundles
-    from testbench.storage import record_read
-
-    bundles.write(folder / "gyrorec", record_read.read_record(folder / "gyrorec.h5"))
     golden(folder / "toy")
     dumps(folder)
     parts(folder)

@@ -210,37 +210,6 @@ def _made(write):
         write()
 
 
-def parquet(rng, corpus, folder):
-    """Measurement record as a folder of JSON, Parquet and CSV."""
-    from testbench.measured.record import bundle
-    from testbench.storage import record_read
-
-    path = folder / "record"
-    if rng.random() < BYTES:
-        _made(lambda: bundle.write(path, _changed_record(rng, record_read.read_record(corpus / "gyrorec.h5"))))
-    if not path.exists():
-        shutil.copytree(corpus / "gyrorec", path)
-    name = rng.choice([p.name for p in path.iterdir() if p.suffix != ".json"])
-    head = json.loads((path / "record.json").read_text())
-    how = rng.randrange(4)
-    if how == 0:
-        (path / name).write_bytes(hostile.damaged(rng, (path / name).read_bytes()))
-    elif how == 1 and name.endswith(".csv"):
-        (path / name).write_text(hostile.retyped(rng, (path / name).read_text(), ","), errors="replace")
-    elif how == 1:
-        _hostile_parquet(rng, path / name)
-    for item in (*head["files"].items(), *((t["file"], t) for t in head["tables"].values())):
-        if item[0] == name:
-            item[1]["sha256"] = hashlib.sha256((path / name).read_bytes()).hexdigest()
-    if how >= 2:
-        head = hostile.regrown(rng, head)
-    text = json.dumps(head)
-    if how == 3 and rng.random() < 0.5:
-        text = hostile.retyped(rng, text, ",:")
-    (path / "record.json").write_text(text, errors="replace")
-    return _read_record(path)
-
-
 def _hostile_parquet(rng, path):
     import pyarrow
     from pyarrow import parquet as pq
@@ -670,7 +639,7 @@ def column_map(rng, corpus, folder):
 
 
 KINDS = {
-    "record": record, "state": state, "parquet": parquet, "golden": golden, "hex": hexadecimal, "vcd": vcd, "fst": fst,
+    "record": record, "state": state, "golden": golden, "hex": hexadecimal, "vcd": vcd, "fst": fst,
     "ghw": ghw, "csv": csv_log, "map": signal_map, "recording": recording, "config": configuration, "law": law,
     "campaign": campaign_plan, "plan": measured_plan, "import": imported,
     "store": store, "npz": rest, "checkpoint": checkpoint, "mat": mat, "column map": column_map,

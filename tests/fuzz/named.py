@@ -209,14 +209,6 @@ def store(files, folder):
     return Format(tree, write, [*words, ["campaign", "table", "s", "--out", "new.parquet"], again])
 
 
-def parquet(files, folder):
-    """Head of a record as a folder of tables."""
-    shutil.copytree(files / "gyrorec", folder / "r")
-    path = folder / "r" / "record.json"
-    reads = [["measured", "check", "--no-replay", "r"], ["measured", "convert", "r", "new.h5"]]
-    return Format(json.loads(path.read_text()), lambda tree: path.write_text(json.dumps(tree)), reads)
-
-
 def column_map(files, folder):
     """Column map of a table."""
     source = files / "maps" / "meters"
@@ -289,7 +281,7 @@ def state(files, folder):
 FORMATS = {
     "configuration": configuration, "interrupted run": interrupted, "law": law, "campaign": campaign,
     "measured plan": measured, "import": imported, "signals": signals, "design": design, "latency": latency,
-    "bundle": bundle, "store": store, "parquet": parquet, "column map": column_map, "sheet": sheet, "target": target,
+    "bundle": bundle, "store": store, "column map": column_map, "sheet": sheet, "target": target,
     "record": record("gyrorec.h5"), "run": record("run.h5"), "state": state,
 }  # fmt: skip
 

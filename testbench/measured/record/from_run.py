@@ -6,8 +6,9 @@ Source    docs/measured.md
 
 from testbench.config import changed
 from testbench.errors import ConfigError
-from testbench.measured.record import load, produce
+from testbench.measured.record import produce
 from testbench.measured.record.plan import Condition, Plan
+from testbench.storage.record import write_record
 
 HEAD = ("lab", "device_serial", "board_rev", "licence")
 
@@ -34,4 +35,4 @@ def plan_of(config):
 
 def write(config, path, progress=None):
     """Make the record and write it; returns its content hash."""
-    return load.write(path, produce.record(plan_of(config), progress))
+    return write_record(path, produce.record(plan_of(config), progress))

@@ -1,21 +1,19 @@
-"""A measurement record from a file or a folder, checked: all of it or nothing.
+"""A measurement record from a file, checked: all of it or nothing.
 
-    read      HDF5 file or bundle -> testbench.storage.record.Record (its own refusals)
+    read      HDF5 file -> testbench.storage.record.Record (its own refusals)
     check     every rule of `checks`, and R16: the firmware replayed on the recorded codes
     load      the record with what it cannot be used for; refusals raise
 
 Source    docs/measured.md
 """
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from testbench.measured.record import bundle, checks, schema
+from testbench.measured.record import checks, schema
 from testbench.measured.record.schema import BLOCKED, REFUSED, WARNED, Finding
-from testbench.storage import record as records
 from testbench.storage import record_read
-from testbench.storage.record import RecordError
+from testbench.storage.record import Record, RecordError
 
 OVERRIDE = "r16_override"  # attribute: why physics may be traced although the firmware is not the model's
 
@@ -25,7 +23,7 @@ class Loaded:
     """A record that was not refused, and what is to be said about it."""
 
     path: Path
-    record: records.Record
+    record: Record
     findings: list = field(default_factory=list)
     residual: object = None  # firmware residual, where it was asked for
 
@@ -40,20 +38,9 @@ class Loaded:
         return any(f.level == BLOCKED for f in self.findings)
 
 
-def read(path):
-    """`Record` of an HDF5 file or of a bundle; RecordError with its findings."""
-    path = Path(path)
-    return bundle.read(path) if os.path.isdir(path) else record_read.read_record(path)
-
-
-def write(path, record):
-    """Write a record: a bundle if the name has no ending, HDF5 else. Returns its content hash."""
-    return bundle.write(path, record) if Path(path).suffix == "" else records.write_record(path, record)
-
-
 def load(path, replay=True, progress=None):
     """`Loaded`; RecordError if any finding is a refusal."""
-    record = read(path)
+    record = record_read.read_record(path)
     findings = checks.check(record)
     refused = [str(f) for f in findings if f.level == REFUSED]
     if refused:

@@ -14,7 +14,7 @@ from testbench.config import Config
 from testbench.measured.record import checks, firmware_residual, load, plan, produce, replay, schema
 from testbench.measured.record.sessions import sessions, stimulus
 from testbench.run import build
-from testbench.storage.record import Column, TableColumn
+from testbench.storage.record import Column, TableColumn, write_record
 from tests.testbench.measured import planted
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -275,13 +275,13 @@ def test_physics_is_blocked_until_overridden_in_writing(middle, tmp_path, own):
     codes = own.streams["adc_xQ"].data.copy()
     codes[6000] += 100
     own.streams["adc_xQ"] = own.streams["adc_xQ"]._replace(data=codes)
-    load.write(tmp_path / "a.h5", own)
+    write_record(tmp_path / "a.h5", own)
     loaded = load.load(tmp_path / "a.h5")
     assert loaded.blocked
     (finding,) = loaded.findings
     assert str(finding).startswith("R16 /streams/magnitude expected 0 LSB, found control.cordic.magnitude at tick 750")
     own.attrs[load.OVERRIDE] = "probe touched the pin; J. Doe"
-    load.write(tmp_path / "a.h5", own)
+    write_record(tmp_path / "a.h5", own)
     loaded = load.load(tmp_path / "a.h5")
     assert not loaded.blocked
     assert "overridden: probe touched the pin; J. Doe" in str(loaded.findings[0])

@@ -14,7 +14,7 @@ from testbench.measured.cli import app
 from testbench.measured.closed_loop import loop_record
 from testbench.measured.record import checks, load, schema
 from testbench.measured.residual import residuals
-from testbench.storage.record import RecordError
+from testbench.storage.record import RecordError, write_record
 from tests.testbench.measured import meanings
 
 SEED = 2611  # of the numbers that docs/measured.md states; no limit was set with it
@@ -23,7 +23,7 @@ RIGHT, WRONG = 200, 80
 
 def findings(path, record):
     """Lines about a record that went through a file, with the firmware's replay."""
-    load.write(path, record)
+    write_record(path, record)
     try:
         return [str(f) for f in load.load(path).findings]
     except RecordError as refused:
@@ -116,7 +116,7 @@ def test_what_is_implausible_is_a_warning_that_every_reader_sees(own, tmp_path):
     meanings.attrs(own, "dac_drv", lsb_V=0.5 * own.streams["dac_drv"].attrs["lsb_V"])
     (finding,) = checks.check(own)
     assert (finding.rule, finding.level) == ("R29", schema.WARNED)
-    load.write(tmp_path / "a.h5", own)
+    write_record(tmp_path / "a.h5", own)
     assert load.load(tmp_path / "a.h5", replay=False).warnings == (str(finding),)
     said = CliRunner().invoke(app, ["check", str(tmp_path / "a.h5"), "--no-replay"])
     assert said.exit_code == 0

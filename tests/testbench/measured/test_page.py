@@ -9,8 +9,9 @@ import pytest
 from testbench.commands.main import main
 from testbench.config import Config
 from testbench.measured import cli
-from testbench.measured.record import load, plan, schema, timing
+from testbench.measured.record import plan, schema, timing
 from testbench.measured.residual import residuals, simulator
+from testbench.storage.record import write_record
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = " ".join((ROOT / "docs" / "measured.md").read_text().split())
@@ -78,13 +79,15 @@ def run(*arguments):
 
 def test_the_command_line(small, tmp_path, capsys):
     path = tmp_path / "a.h5"
-    load.write(path, small)
+    write_record(path, small)
     assert run("measured", "check", path, "--json") == 0
     data = json.loads(capsys.readouterr().out)
     assert (data["accepted"], data["findings"], data["r0"]["first"]) == (True, [], None)
-    assert run("measured", "convert", path, tmp_path / "a") == 0
-    assert run("measured", "check", tmp_path / "a") == 0
+    assert run("measured", "check", path) == 0
     assert "R0 is 0 LSB in" in capsys.readouterr().out
+    assert run("measured", "convert", path, tmp_path / "a") == 0
+    assert list((tmp_path / "a").glob("streams_*.parquet"))
+    capsys.readouterr()
     assert run("measured", "residuals", path, "--kind", "R1", "--json") == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert len(rows) == 8
@@ -95,4 +98,4 @@ def test_the_command_line(small, tmp_path, capsys):
     assert "refused" in capsys.readouterr().out
     assert run("measured", "residuals", path) == 2
     assert capsys.readouterr().err.startswith("gyro: ")
-    assert run("measured", "residuals", tmp_path / "a", "--kind", "R3") == 2
+    assert run("measured", "residuals", path, "--kind", "R3") == 2

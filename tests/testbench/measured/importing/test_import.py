@@ -18,6 +18,7 @@ from testbench.measured.importing.record_map import Dwells
 from testbench.measured.record import checks, load, schema
 from testbench.measured.record.sessions import sessions
 from testbench.measured.residual import features, residuals
+from testbench.storage.record import write_record
 from tests.testbench.command import gyro
 
 ADC = tuple(schema.ADC)
@@ -192,7 +193,7 @@ def test_a_late_start_is_told_and_goes_on(board, tmp_path, case):
     found = imported(tmp_path, made(board, first), text)
     assert wanted in found.lacking
     assert set(found.record.streams) == set(ADC)
-    load.write(tmp_path / "late.h5", found.record)
+    write_record(tmp_path / "late.h5", found.record)
     loaded = load.load(tmp_path / "late.h5")
     assert "R0 not decidable: frame 0 is no power-on" in loaded.residual.verdict
     done = gyro("measured", "trace", tmp_path / "late.h5")
@@ -205,7 +206,7 @@ def test_a_decimated_file_is_told_and_goes_on(board, tmp_path):
     table = {key: v[: len(v) // 8 * 8].reshape(-1, 8).mean(1) for key, v in made(board).items()}
     found = imported(tmp_path, table)
     assert "a row is 8 frames: no word can be replayed" in found.lacking
-    load.write(tmp_path / "slow.h5", found.record)
+    write_record(tmp_path / "slow.h5", found.record)
     assert not load.load(tmp_path / "slow.h5").blocked
 
 
@@ -218,7 +219,7 @@ def test_recorded_words_are_kept_and_compared(board, tmp_path, first):
     found = imported(tmp_path, table, text)
     same_words(found, board)
     assert found.record.streams["nco_fword"].attrs["tap"] == "internal"
-    load.write(tmp_path / "a.h5", found.record)
+    write_record(tmp_path / "a.h5", found.record)
     assert load.load(tmp_path / "a.h5").residual.first is None
 
 
@@ -229,7 +230,7 @@ def test_another_firmware_is_imported_with_its_words_and_r1_works(board, tmp_pat
     text += "".join(f'{name} = {{ column = "{name}", unit = "1" }}\n' for name in names)
     found = imported(tmp_path, table, text)
     assert "another firmware" in found.lacking
-    load.write(tmp_path / "a.h5", found.record)
+    write_record(tmp_path / "a.h5", found.record)
     loaded = load.load(tmp_path / "a.h5")
     assert "R0 not decidable: skipped, regmap_sha256 1111111111111111" in loaded.residual.verdict
     done = gyro("measured", "trace", tmp_path / "a.h5")

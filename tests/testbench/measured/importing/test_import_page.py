@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from testbench.measured.importing import assemble, record_map
-from testbench.measured.record import load, schema
+from testbench.measured.record import schema
 from testbench.measured.record.sessions import sessions
+from testbench.storage.record_read import read_record
 from tests import tutorials
 from tests.testbench.measured.importing import independent_writer
 from tests.testbench.measured.importing.test_independent_writer import contents
@@ -66,7 +67,7 @@ def test_the_example_goes_from_file_to_verdict(tmp_path, monkeypatch):
     run(tmp_path, "run", "--config", "board.toml", "--seed", "8", "--out", "board", "--discard")
     subprocess.run([sys.executable, "to_csv.py"], cwd=tmp_path, check=True)
     run(tmp_path, "measured", "import", "bench.csv", "--map", "bench.toml", "-o", "clean.h5")
-    independent_writer.write(tmp_path / "theirs.h5", *contents(load.read(tmp_path / "clean.h5")))
+    independent_writer.write(tmp_path / "theirs.h5", *contents(read_record(tmp_path / "clean.h5")))
     run(tmp_path, "measured", "trace", "theirs.h5", "--json", "clean.json")
     found = json.loads((tmp_path / "clean.json").read_text())
     assert (found["verdict"], found["effects"]) == ("none", [])

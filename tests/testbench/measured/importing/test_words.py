@@ -10,6 +10,7 @@ from testbench.errors import ConfigError
 from testbench.measured.importing import words
 from testbench.measured.record import checks, load, schema
 from testbench.measured.residual import features, residuals
+from testbench.storage.record import write_record
 
 
 def codes_only(record):
@@ -20,7 +21,7 @@ def codes_only(record):
 def test_words_from_the_codes_alone_are_those_that_the_board_had(small, tmp_path):
     bare = codes_only(small)
     assert checks.check(bare) == []
-    load.write(tmp_path / "bare.h5", bare)
+    write_record(tmp_path / "bare.h5", bare)
     loaded = load.load(tmp_path / "bare.h5")
     assert loaded.residual.verdict == "R0 not decidable: adc_ok is not recorded"
     found, why = words.completed(loaded.record)
