@@ -16,21 +16,19 @@ from typing import Annotated, NamedTuple
 import typer
 
 from testbench.campaign import cli as campaign_cli
+from testbench.commands import exports
 from testbench.console import standard
 from testbench.console.options import ConfigFile, Json, Sets, Temperature, load, overrides, takes
 from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_tables
 from testbench.design import cli as design_cli
 from testbench.errors import ConfigError, FileError
-from testbench.fmu import cli as fmu_cli
 from testbench.golden import cli as golden_cli
-from testbench.host import cli as host_cli
 from testbench.interrupts import EXIT_INTERRUPTED
 from testbench.measured import cli as measured_cli
 from testbench.paper import cli as paper_cli
 from testbench.paper.inference import cli as inference_cli
 from testbench.paper.loop import loop_cli
-from testbench.register_map import cli as register_map_cli
 from testbench.study import cli as study_cli
 from testbench.version import VERSION
 
@@ -52,9 +50,9 @@ inference_cli.add(paper_cli.reports)
 app.command()(loop_cli.loop)
 app.command()(design_cli.design)
 app.command()(study_cli.study)
-app.command()(register_map_cli.registers)
-app.command()(fmu_cli.fmu)
-app.command()(host_cli.host)
+app.command()(exports.registers)
+app.command()(exports.fmu)
+app.command()(exports.host)
 
 
 def _version(wanted: bool):

@@ -38,11 +38,6 @@ class Board:
     parts: list = field(default_factory=list)
     words: list = field(default_factory=list)  # what was found and assumed
 
-    @property
-    def replayable(self):
-        """True if the firmware's words follow from the codes."""
-        return self.raw and self.line.powered and not self.line.lost
-
 
 def board(path, wanted, k, config):
     """`Board` of file k with a `record_map.Map` and the configuration of the model."""
