@@ -20,7 +20,7 @@ def summary_part():
     rows = []
     for block in blocks.BLOCKS.values():
         for case in block.cases:
-            found = ranges.of_case(block.stem, case)
+            found = ranges.analyse_case(block.stem, case)
             spare = [one.headroom for one in found.registers if one.headroom is not None]
             expression = f"`{found.widest.text}` in {found.widest.function}" if found.widest else "-"
             rows.append(
@@ -37,7 +37,7 @@ def registers_part():
     for block in blocks.BLOCKS.values():
         case = next(iter(block.cases))
         rows = {}
-        for one in ranges.of_case(block.stem, case).registers:
+        for one in ranges.analyse_case(block.stem, case).registers:
             key = (re.sub(r"_\d+$", "", one.name), one.fmt, one.proven)
             rows.setdefault(key, []).append(one)
         cells = []
@@ -59,7 +59,7 @@ def wiring_part():
         tight = min(one.links, key=lambda link: link.spare)
         ends = f"{tight.port} {tight.lo} .. {tight.hi} in {tight.fmt}"
         proven = sum(r.proven is not None for r in one.analysis.registers)
-        fit = sum(link.fits for link in one.links)
+        fit = sum(link.fits_format for link in one.links)
         rows.append((name, one.stem, f"{proven} of {len(one.analysis.registers)}", f"{fit} of {len(one.links)}", ends,
                      _bits(one.analysis)))  # fmt: skip
     heads = ("instance", "block", "registers proven", "inputs inside", "tightest input", "widest bits")

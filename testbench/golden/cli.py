@@ -42,28 +42,28 @@ def export(
 
     if out is None and c is None:
         raise ConfigError("export: one of --out DIR and --c DIR is needed")
-    done = []
+    exported_bundles = []
 
     def write_bundles(folder):
         written = write(block, folder, config=config, frames=frames)
         shown = c / "golden" if out is None else out
-        done.extend((shown.joinpath(*path.parts[-2:]), manifest) for path, manifest in written)
+        exported_bundles.extend((shown.joinpath(*path.parts[-2:]), manifest) for path, manifest in written)
 
     with together():
         files = [] if c is None else _export_c(c, config, None if out else lambda new: write_bundles(new / "golden"))
         if out is not None:
             write_bundles(out)
     if as_json:
-        listed = [
+        bundle_summaries = [
             {"folder": str(folder), "rows": m["n"], "sha256": m["manifest_sha256"]}
             | {"vectors_sha256": bundle.vectors_sha256(m)}
-            for folder, m in done
+            for folder, m in exported_bundles
         ]
-        typer.echo(json.dumps({"bundles": listed} | ({"c_files": [str(path) for path in files]} if files else {})))
+        typer.echo(json.dumps({"bundles": bundle_summaries} | ({"c_files": [str(path) for path in files]} if files else {})))
         return
     if files:
         typer.echo(f"{c}  {len(files)} files of C: make -C {c} check")
-    for folder, manifest in done:
+    for folder, manifest in exported_bundles:
         typer.echo(f"{folder}  {manifest['n']} rows  {manifest['manifest_sha256'][:16]}")
 
 
@@ -174,23 +174,23 @@ def check(o):
         raise ConfigError("check: one of --rtl DIR and --log FILE is needed")
     if o.log is not None and o.map is None:
         raise ConfigError("check: --log needs --map TOML")
-    given = {name: getattr(o, name) for name in OF_RTL}
-    stray = [name for name, value in given.items() if value is not None and o.rtl is None]
+    rtl_options = {name: getattr(o, name) for name in OF_RTL}
+    stray = [name for name, value in rtl_options.items() if value is not None and o.rtl is None]
     if stray:
         raise ConfigError(f"check: --{stray[0]} belongs to --rtl")
     if o.rtl:
-        choice = design_run.Choice(map=o.map, **given)
-        whole = bundle.verify(o.folder, strict=False)["block"] == "top"
-        report = (top_run if whole else rtl_run).check(o.folder, o.rtl, timeout_s=o.timeout_s, choice=choice)
+        choice = design_run.Choice(map=o.map, **rtl_options)
+        is_top_bundle = bundle.verify(o.folder, strict=False)["block"] == "top"
+        report = (top_run if is_top_bundle else rtl_run).check(o.folder, o.rtl, timeout_s=o.timeout_s, choice=choice)
     else:
         report = waves.check(o.folder, o.log, o.map)
-    late = _costs(report.block, report.case, report.clocks)
+    latency_costs = _costs(report.block, report.case, report.clocks)
     written, why = (None, None) if report.passed else _package(o.out, o.folder, report)
     if o.as_json:
-        tree = report.to_dict() | {"latency": [cost._asdict() for cost in late], "written": written and str(written)}
+        tree = report.to_dict() | {"latency": [cost._asdict() for cost in latency_costs], "written": written and str(written)}
         typer.echo(json.dumps(tree, indent=2, sort_keys=True))
     else:
-        typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in late), nl=False)
+        typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in latency_costs), nl=False)
         if not report.passed:
             typer.echo(f"package           {written or f'none: {why}'}")
     raise typer.Exit(0 if report.passed else 1)
@@ -232,11 +232,11 @@ def signals(
     from testbench.golden.check import signals as listed
     from testbench.storage.files import write_text
 
-    found = listed.signals(dump)
-    typer.echo(listed.text(dump, found))
+    dump_signals = listed.signals(dump)
+    typer.echo(listed.text(dump, dump_signals))
     if out is not None:
         manifest = None if folder is None else bundle.verify(folder, strict=False)
-        write_text(out, listed.skeleton(found, manifest, listed.is_ours(dump)))
+        write_text(out, listed.skeleton(dump_signals, manifest, listed.is_ours(dump)))
 
 
 @app.command()
@@ -263,10 +263,10 @@ def wrap(
         return
     if map_path is None:
         raise ConfigError("wrap: --map TOML is needed for a block")
-    found = wrapped.wrap(folder, map_path, level, out, latency)
-    rows = f"{len(found.golden.exp)} rows" + (f" from row {found.first} of the bundle" if found.first else "")
-    typer.echo(f"{out}  {rows}, {int(found.care.any(axis=1).sum())} judged at level {level}")
-    for cost in _costs(found.golden.manifest["block"], found.golden.manifest["case"], found.clocks):
+    adapted_bundle = wrapped.wrap(folder, map_path, level, out, latency)
+    rows = f"{len(adapted_bundle.golden.exp)} rows" + (f" from row {adapted_bundle.first} of the bundle" if adapted_bundle.first else "")
+    typer.echo(f"{out}  {rows}, {int(adapted_bundle.care.any(axis=1).sum())} judged at level {level}")
+    for cost in _costs(adapted_bundle.golden.manifest["block"], adapted_bundle.golden.manifest["case"], adapted_bundle.clocks):
         typer.echo(f"latency  {cost.text()}")
 
 
@@ -279,12 +279,12 @@ def ranges(
     from testbench.golden.bundles.export import chosen
     from testbench.golden.ranges import range_report
 
-    found = {f"{b.stem}/{case}": range_report.of_vectors(b, case) for b in chosen(block) for case in b.cases}
+    range_entries = {f"{b.stem}/{case}": range_report.case_range_entry(b, case) for b in chosen(block) for case in b.cases}
     if as_json:
-        typer.echo(json.dumps({"ranges": found}))
+        typer.echo(json.dumps({"ranges": range_entries}))
     else:
-        typer.echo("\n".join(range_report.text(title, data) for title, data in found.items()), nl=False)
-    raise typer.Exit(0 if all(data["proven"] for data in found.values()) else 1)
+        typer.echo("\n".join(range_report.text(title, data) for title, data in range_entries.items()), nl=False)
+    raise typer.Exit(0 if all(data["proven"] for data in range_entries.values()) else 1)
 
 
 @app.command()
@@ -327,15 +327,15 @@ def prove(
     choice = Choice(level=level, files=files, top=top, map=map_path)
     if block != "all" and block not in formal.CASES:
         raise ConfigError(f"block: {block!r} has no properties; known: all, {', '.join(formal.CASES)}")
-    found = []
+    proofs = []
     for stem in formal.CASES if block == "all" else (block,):
         for case in formal.CASES[stem]:
-            found.append(formal.prove(stem, case, rtl, choice=choice))
+            proofs.append(formal.prove(stem, case, rtl, choice=choice))
             if not as_json:
-                typer.echo(found[-1].text())
+                typer.echo(proofs[-1].text())
     if as_json:
-        typer.echo(json.dumps({"proofs": [proof._asdict() for proof in found]}))
-    raise typer.Exit(0 if all(proof.proven for proof in found) else 1)
+        typer.echo(json.dumps({"proofs": [proof._asdict() for proof in proofs]}))
+    raise typer.Exit(0 if all(proof.proven for proof in proofs) else 1)
 
 
 @app.command()

@@ -30,59 +30,59 @@ FRAMES = 2  # of 8 kHz before the row that differs
 AFTER = 64  # rows of a block behind it
 
 
-def _waves(folder, shown, first, at, top, clock_hz, expanded):
+def _write_waveform(folder, waveform, first, at, top, clock_hz, expanded):
     """Write the waveform of (signals, rows, known) from row `first` on; its set-up has the marker at row `at`."""
-    path, (listed, rows, known) = folder / "window.vcd", shown
-    vcd.write_vcd(path, rows, listed, first_edge=first, top=top, clock_hz=clock_hz, known=known)
+    path, (signals, rows, valid_masks) = folder / "window.vcd", waveform
+    vcd.write_vcd(path, rows, signals, first_edge=first, top=top, clock_hz=clock_hz, known=valid_masks)
     marker_ps = int(vcd.picoseconds(at - first, clock_hz))
-    vcd.write_gtkw(folder / "window.gtkw", path, listed, top=top, expanded=expanded, marker_ps=marker_ps)
+    vcd.write_gtkw(folder / "window.gtkw", path, signals, top=top, expanded=expanded, marker_ps=marker_ps)
 
 
 def write(folder, difference):
     """Write the package of a `run.Difference` into a folder; returns its `compare.Report`."""
-    folder, found, row = Path(folder), difference.recorded, difference.row
-    design, end = difference.design, row + len(difference.recorded.behind.values)
+    folder, observation, row = Path(folder), difference.recorded, difference.row
+    design, end = difference.design, row + len(difference.recorded.continuation.values)
     first, frames = max(row + 1 - FRAMES * design.frame_clocks, 0), row // design.frame_clocks + 1
-    whole = recording.Recording(CASE, found.params, frames, frames, found.stimulus, (), "")
-    shown = recording.Window(first, row + 1 - first, "up to the row that differs")
+    full_recording = recording.Recording(CASE, observation.params, frames, frames, observation.stimulus, (), "")
+    divergence_window = recording.Window(first, row + 1 - first, "up to the row that differs")
     out, at = folder / "bundle" / bundles.STEM / CASE, np.arange(first, row + 1)
-    manifest = bundles.write(bundles.begun(whole, frames, (shown,)), out, at, of_board=True)
-    golden = replay.run(found.params, found.stimulus, -(-end // design.frame_clocks), np.arange(first, end))
+    manifest = bundles.write(bundles.begun(full_recording, frames, (divergence_window,)), out, at, of_board=True)
+    golden = replay.run(observation.params, observation.stimulus, -(-end // design.frame_clocks), np.arange(first, end))
     golden = np.column_stack([golden.inputs, golden.registers, golden.pins])
-    report = _report(found, top_run.named(manifest) | {"n": end - first}, golden, first, row)
+    report = _report(observation, top_run.named(manifest) | {"n": end - first}, golden, first, row)
     # behind the difference there was no plant
     end = row + 1
-    _shown(folder, _named(bundles.block({CASE: found.params}, design)), golden[: end - first], report, first, end)
+    _write_package(folder, _use_port_names(bundles.block({CASE: observation.params}, design)), golden[: end - first], report, first, end)
     return report
 
 
-def _report(found, manifest, golden, first, row):
+def _report(observation, manifest, golden, first, row):
     """`compare.Report` of what a `run.Recorded` shows from row `first` on; up to `row` it is golden."""
-    kinds = ("inputs", "registers", "outputs") if found.places[0] == 0 else ("inputs", "outputs")
-    seen = [p["name"] for kind in kinds for p in manifest[kind]]
+    kinds = ("inputs", "registers", "outputs") if observation.places[0] == 0 else ("inputs", "outputs")
+    visible_names = [p["name"] for kind in kinds for p in manifest[kind]]
     names = [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
     yours, count = golden.copy(), len(manifest["inputs"])
-    yours[row - first :] = np.column_stack(found.behind)
+    yours[row - first :] = np.column_stack(observation.continuation)
     if "registers" not in kinds:
         for rows in (golden, yours):
             rows[:, -PINS:] = board_pins.read(rows[:, -PINS:])
     columns, mine = dict(zip(names, golden.T.copy(), strict=True)), dict(zip(names, yours.T.copy(), strict=True))
-    given = {name: columns.pop(name) for name in names[:count]}
+    input_columns = {name: columns.pop(name) for name in names[:count]}
     terms = compare.Terms("registers" if "registers" in kinds else "pins", first)
-    return compare.compare(manifest, given, columns, {name: mine[name] for name in seen}, terms=terms)
+    return compare.compare(manifest, input_columns, columns, {name: mine[name] for name in visible_names}, terms=terms)
 
 
-def _named(block):
+def _use_port_names(block):
     """The block of the whole design with the names of a report."""
     return block._replace(registers=tuple(p._replace(name=port_of(p.name)) for p in block.registers))
 
 
-def _beside(block, rows, report, first, end):
+def _build_waveform(block, rows, report, first, end):
     """(signals, rows, known) of a block: inputs, what differs, the rest; two signals of a port that is shown.
 
     rows  golden inputs and results from row `first` to `end`
     """
-    shown, span = [], slice(first - report.first_row, end - report.first_row)
+    waveform_columns, span = [], slice(first - report.first_row, end - report.first_row)
     columns = rows.T
     results = {port.name for port in (*block.registers, *block.pins)}
     kinds = [*("in" for _ in block.columns), *("reg" for _ in block.registers), *("pin" for _ in block.pins)]
@@ -92,58 +92,58 @@ def _beside(block, rows, report, first, end):
         name = f"{kind}.{port.name}"
         order = (port.name not in report.differing, name != f"{kind}.{report.divergence.port}") if kind != "in" else ()
         if mine is None:
-            shown.append((order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool)))
+            waveform_columns.append((order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool)))
             continue
-        shown.append((order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool)))
-        shown.append((order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span]))
-    _, listed, values, known = zip(*sorted(shown, key=lambda one: one[0]), strict=True)
-    return listed, np.column_stack(values), np.column_stack(known)
+        waveform_columns.append((order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool)))
+        waveform_columns.append((order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span]))
+    _, signals, values, valid_masks = zip(*sorted(waveform_columns, key=lambda one: one[0]), strict=True)
+    return signals, np.column_stack(values), np.column_stack(valid_masks)
 
 
-def write_block(folder, given, report):
-    """Write the package of a `compare.Report` that differs, on the bundle in folder `given`; returns its folder.
+def write_block(folder, bundle_folder, report):
+    """Write the package of a `compare.Report` that differs, on the bundle in folder `bundle_folder`; returns its folder.
 
     Raises FileError for a bundle that this version cannot compute again, and for what cannot be written.
     """
-    folder, given, d = Path(folder), Path(given), report.divergence
-    golden = bundle.read(given)
+    folder, bundle_folder, d = Path(folder), Path(bundle_folder), report.divergence
+    golden = bundle.read(bundle_folder)
     manifest, begin, at = golden.manifest, report.first_row, d.before[-1][0]
-    block = recompute.block_of(given / bundle.MANIFEST, manifest)
+    block = recompute.block_of(bundle_folder / bundle.MANIFEST, manifest)
     end = min(d.cycle + 1 + AFTER, begin + report.rows)
     # from the reset on: a design has states that no port shows
     stim, out = golden.stim[begin:end], folder / "bundle" / block.stem / report.case
     export.write(block, report.case, stim, [("window", 0, len(stim))], None, out)
     if not np.array_equal(bundle.read(out).exp, golden.exp[begin:end]):
-        raise FileError(f"{given}: the model computes other rows: gyro golden verify --recompute says which")
+        raise FileError(f"{bundle_folder}: the model computes other rows: gyro golden verify --recompute says which")
     first = max(begin, at + 1 - FRAMES * block.record.frame_clocks)
     rows = np.column_stack([golden.stim, golden.exp])[first:end]
-    return _shown(folder, block, rows, report, first, end)
+    return _write_package(folder, block, rows, report, first, end)
 
 
-def write_top(folder, given, report):
+def write_top(folder, bundle_folder, report):
     """The same of a report on the whole design; returns its folder."""
-    folder, given, at = Path(folder), Path(given), report.divergence.before[-1][0]
-    manifest = bundle.read(given).manifest
-    r, pins_only = bundles.replayed(given, manifest), report.level != "registers"
+    folder, bundle_folder, at = Path(folder), Path(bundle_folder), report.divergence.before[-1][0]
+    manifest = bundle.read(bundle_folder).manifest
+    r, pins_only = bundles.replayed(bundle_folder, manifest), report.level != "registers"
     clocks, begin = manifest["frame_cycles"], report.first_row
     end = min(at + 1 + AFTER, begin + len(next(iter(report.got.values())).values))
     first = max(begin, at + 1 - FRAMES * clocks)
     cut = bundles.begun(r, -(-end // clocks), (recording.Window(first, end - first, "around the row that differs"),))
     out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
-    late = bundles.late_of(given, manifest) | {name.removeprefix("o_"): k for name, k in report.clocks.items()}
-    bundles.write(cut, out, np.arange(first, end), "design" in manifest, level, clocks=late)
+    latency_clocks = bundles.late_of(bundle_folder, manifest) | {name.removeprefix("o_"): k for name, k in report.clocks.items()}
+    bundles.write(cut, out, np.arange(first, end), "design" in manifest, level, clocks=latency_clocks)
     golden, block = bundle.read(out), bundles.block({r.name: r.params}, r.params.design)
-    block = block._replace(registers=()) if pins_only else _named(block)
+    block = block._replace(registers=()) if pins_only else _use_port_names(block)
     rows = np.column_stack([golden.stim, golden.exp])
-    return _shown(folder, block, rows, report, first, end)
+    return _write_package(folder, block, rows, report, first, end)
 
 
-def _shown(folder, block, rows, report, first, end):
+def _write_package(folder, block, rows, report, first, end):
     """Write waveform, set-up and report of rows from `first` to `end`; returns the folder."""
-    shown = _beside(block, rows, report, first, end)
+    waveform = _build_waveform(block, rows, report, first, end)
     open_groups = ("in", *(f"{kind}.{name}" for name in report.differing for kind in ("in", "reg", "pin")))
     at = report.divergence.before[-1][0]
-    _waves(folder, shown, first, at, f"gyro_{block.stem}", block.record.master_hz, open_groups)
+    _write_waveform(folder, waveform, first, at, f"gyro_{block.stem}", block.record.master_hz, open_groups)
     write_text(folder / "diagnosis.txt", report.text())
     write_text(folder / "diagnosis.json", report.to_json())
     return folder

@@ -56,8 +56,8 @@ def loop(o):
         raise ConfigError("--files, --exact: need --top or --map")
     if o.config is None and any(text.strip().startswith("scenario.") for text in o.sets or ()):
         raise ConfigError("--set scenario: needs --config")
-    given = options.overrides(o.sets, ("scenario.seconds", o.seconds, "--seconds"))
-    chosen = options.load(o.config, given)
+    overrides = options.overrides(o.sets, ("scenario.seconds", o.seconds, "--seconds"))
+    chosen = options.load(o.config, overrides)
     if o.config is None:
         story = run.story(run.SECONDS if o.seconds is None else chosen.scenario.seconds)
         chosen = changed(chosen, {f"scenario.{key}": getattr(story.scenario, key) for key in run.STORY_KEYS})
@@ -65,8 +65,8 @@ def loop(o):
         outcome = run.run(chosen, o.rtl, o.build, progress, pins=pins)
     report = divergence.write(o.out, outcome.difference) if o.out and outcome.difference else None
     if o.as_json:
-        left = {"written": str(o.out), "diagnosis": report.causes()} if report else {"written": None}
-        typer.echo(json.dumps(outcome.to_dict() | left))
+        package_summary = {"written": str(o.out), "diagnosis": report.causes()} if report else {"written": None}
+        typer.echo(json.dumps(outcome.to_dict() | package_summary))
     else:
         typer.echo(outcome.text() + (f"\n{report.why()}package           {o.out}" if report else ""))
     raise typer.Exit(0 if outcome.passed else 1)

@@ -44,15 +44,15 @@ def costs(stem, case, clocks, config=None):
     config = config or configuration.Config()
     start = config.scenario.temperature_degc
     temp_degc = start if isinstance(start, (int, float)) else start[0][1]
-    found, still = [], None
+    port_costs, unlagged_loop = [], None
     for lag in lateness.lags(stem, case, clocks):
-        still = still or derived.derive(config, temp_degc)
+        unlagged_loop = unlagged_loop or derived.derive(config, temp_degc)
         hz = config.design_record().master_hz
-        degrees = Rows(still.frequency_hz, hz, hz).clocks("", lag.clocks).degrees
+        degrees = Rows(unlagged_loop.frequency_hz, hz, hz).clocks("", lag.clocks).degrees
         word = WORDS[lag.node]
         section, key = word.split(".")
-        moved = configuration.changed(config, {word: getattr(getattr(config, section), key) - degrees})
-        then = derived.derive(moved, temp_degc)
-        ppm = 1e6 * (then.lsb_per_dps / still.lsb_per_dps - 1)
-        found.append(Cost(*lag, degrees, round(then.bias_dps - still.bias_dps, DIGITS) + 0.0, ppm))
-    return found
+        lagged_config = configuration.changed(config, {word: getattr(getattr(config, section), key) - degrees})
+        lagged_loop = derived.derive(lagged_config, temp_degc)
+        ppm = 1e6 * (lagged_loop.lsb_per_dps / unlagged_loop.lsb_per_dps - 1)
+        port_costs.append(Cost(*lag, degrees, round(lagged_loop.bias_dps - unlagged_loop.bias_dps, DIGITS) + 0.0, ppm))
+    return port_costs

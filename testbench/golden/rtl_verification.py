@@ -55,7 +55,7 @@ def cpu_s():
     return sum(os.times()[:4])
 
 
-def say(text):
+def print_progress(text):
     print(text, flush=True)
 
 
@@ -67,13 +67,13 @@ def bundles(rtl, out, options):
         for sim in SIMULATORS:
             began = time.perf_counter()
             command = ["make", "-C", out / stem, "check", f"SIM={sim}", f"RTL={rtl}"]
-            done = subprocess.run(command, capture_output=True, text=True)
-            said = (done.stdout + done.stderr).splitlines()
-            count = sum(line.startswith("PASS ") for line in said)
-            good = done.returncode == 0 and count == len(list((out / stem).glob("*/manifest.json")))
-            say(f"  {'PASS' if good else 'FAIL'} {stem}: {count} cases, {sim}, {time.perf_counter() - began:.1f} s")
-            for line in () if good else said[-8:]:
-                say(f"    {line}")
+            process = subprocess.run(command, capture_output=True, text=True)
+            output_lines = (process.stdout + process.stderr).splitlines()
+            count = sum(line.startswith("PASS ") for line in output_lines)
+            good = process.returncode == 0 and count == len(list((out / stem).glob("*/manifest.json")))
+            print_progress(f"  {'PASS' if good else 'FAIL'} {stem}: {count} cases, {sim}, {time.perf_counter() - began:.1f} s")
+            for line in () if good else output_lines[-8:]:
+                print_progress(f"    {line}")
             passed &= good
     return passed
 
@@ -81,7 +81,7 @@ def bundles(rtl, out, options):
 def closed_loop(rtl, out, options):
     """The story around the design; True without a difference."""
     outcome = loop.run(loop.story(options.seconds), rtl)
-    say("  " + outcome.text().replace("\n", "\n  "))
+    print_progress("  " + outcome.text().replace("\n", "\n  "))
     return outcome.difference is None
 
 
@@ -91,7 +91,7 @@ def proofs(rtl, out, options):
     for stem, cases in formal.CASES.items():
         for case in cases:
             proof = formal.prove(stem, case, rtl)
-            say(f"  {proof.text()}")
+            print_progress(f"  {proof.text()}")
             passed &= proof.proven
     return passed
 
@@ -99,13 +99,13 @@ def proofs(rtl, out, options):
 def netlists(rtl, out, options):
     """Both boards, and both families; a refusal is raised."""
     for name in synthesis.BOARDS:
-        say(f"  {synthesis.synthesise(rtl, None, name).text()}")
+        print_progress(f"  {synthesis.synthesise(rtl, None, name).text()}")
     for family in synthesis.MAPPERS:
-        say(f"  {synthesis.synthesise(rtl, family).text()}")
+        print_progress(f"  {synthesis.synthesise(rtl, family).text()}")
     return True
 
 
-def _block(stem, rtl, out, count):
+def _score_block(stem, rtl, out, count):
     """(outcome, {case: hash of its vectors}, files of the design) of a block's bundle, noted in its manifest."""
     case = SCORED.get(stem, next(iter(blocks.BLOCKS[stem].cases)))
     folder = out / stem / case
@@ -117,7 +117,7 @@ def _block(stem, rtl, out, count):
     return outcome, {case: measured.vectors(manifest)}, mutate.sources(manifest, rtl)
 
 
-def _wiring(rtl, out, count):
+def _score_wiring(rtl, out, count):
     """As `_block`, of the wiring, over its recordings."""
     outcome = mutate_top.score(rtl, count=count)
     for case in mutate_top.CASES:
@@ -129,22 +129,22 @@ def _wiring(rtl, out, count):
 
 def scores(rtl, out, options):
     """Mutation score of a case of every block and of the wiring; True if all that are measured have passed."""
-    stems, whole = [*blocks.BLOCKS, top.STEM], True
+    stems, all_passed = [*blocks.BLOCKS, top.STEM], True
     for stem in options.only:
         if stem not in stems:
             raise ConfigError(f"--only: {stem!r} is not one of {', '.join(stems)}")
-    known = {e["block"]: e for e in measured.missing_scores(out)} if options.only else {}
+    score_entries = {e["block"]: e for e in measured.missing_scores(out)} if options.only else {}
     for stem in options.only or stems:
         began = cpu_s()
         outcome, vectors, files = (
-            _wiring(rtl, out, options.count) if stem == top.STEM else _block(stem, rtl, out, options.count)
+            _score_wiring(rtl, out, options.count) if stem == top.STEM else _score_block(stem, rtl, out, options.count)
         )
         took = cpu_s() - began
-        say("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
-        known[stem] = measured.entry(outcome, vectors, measured.design(files), took)
-        write_text(out / measured.MUTATION, json.dumps([known[s] for s in stems if s in known], indent=1) + "\n")
-        whole &= outcome.passed
-    return whole
+        print_progress("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
+        score_entries[stem] = measured.entry(outcome, vectors, measured.design(files), took)
+        write_text(out / measured.MUTATION, json.dumps([score_entries[s] for s in stems if s in score_entries], indent=1) + "\n")
+        all_passed &= outcome.passed
+    return all_passed
 
 
 PARTS = {"bundles": bundles, "loop": closed_loop, "proofs": proofs, "synthesis": netlists, "mutation": scores}
@@ -166,27 +166,27 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     rtl, out = options.rtl.resolve(), options.out.resolve()
     try:
-        unknown = [name for name in options.parts if name not in PARTS]
-        if unknown:
-            raise ConfigError(f"part: {unknown[0]!r} is not one of {', '.join(PARTS)}")
+        invalid_parts = [name for name in options.parts if name not in PARTS]
+        if invalid_parts:
+            raise ConfigError(f"part: {invalid_parts[0]!r} is not one of {', '.join(PARTS)}")
         took = {}
         for name in options.parts or PARTS:
-            say(name)
+            print_progress(name)
             began, before = time.perf_counter(), cpu_s()
             passed = bool(PARTS[name](rtl, out, options))
             seconds = round(time.perf_counter() - began, 1)
             took[name] = {"passed": passed, "seconds": seconds, "cpu_s": round(cpu_s() - before, 1)}
             if not options.only:  # the time of one block is not that of all
                 write_text(out / measured.TIMES, json.dumps(took, indent=1) + "\n")
-            say(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
+            print_progress(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
     except (ConfigError, FileError) as problem:
         print(f"gyro: {problem}", file=sys.stderr)
         return 2
-    say("")
-    for name, found in took.items():
-        say(f"{'PASS' if found['passed'] else 'FAIL'}  {name:10}{found['seconds']:9.1f} s")
-    say(f"      {'all':10}{sum(found['seconds'] for found in took.values()):9.1f} s")
-    return 0 if all(found["passed"] for found in took.values()) else 1
+    print_progress("")
+    for name, part_result in took.items():
+        print_progress(f"{'PASS' if part_result['passed'] else 'FAIL'}  {name:10}{part_result['seconds']:9.1f} s")
+    print_progress(f"      {'all':10}{sum(part_result['seconds'] for part_result in took.values()):9.1f} s")
+    return 0 if all(part_result["passed"] for part_result in took.values()) else 1
 
 
 if __name__ == "__main__":

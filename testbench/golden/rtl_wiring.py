@@ -33,49 +33,49 @@ def _stem(module):
     return module.__name__.rpartition(".")[2]
 
 
-def _ports(module):
+def _instance_ports(module):
     """[(port, format)] of an instance: inputs, registers and pins, without clock and reset."""
     if module in FILES.values():
-        return _ports_of_design(module)
+        return _module_ports(module)
     registers = [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
     return [*block.inputs(module, RULES), *registers, *((f"o_{name}", fmt) for name, fmt in block.pins(module, RULES))]
 
 
-def _ports_of_design(module):
+def _module_ports(module):
     """The same of control or top; of the bank only what is read."""
     read = {leaf.name for wire in wiring.trace(module).wires for leaf in wire.signal.leaves}
-    found = []
+    port_formats = []
     for name, shape in module.INPUTS.items():
         for path, fmt in leaves(block.at_design(shape, RULES), "" if name == "i" else name):
             if name != "bank" or path in read:
-                found.append((flat(path), fmt))
-    found += [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
+                port_formats.append((flat(path), fmt))
+    port_formats += [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
     pins = formats(module.Pins)._asdict() if hasattr(module, "Pins") else module.OUTPUTS
-    return [*found, *((f"o_{name}", fmt) for name, fmt in pins.items())]
+    return [*port_formats, *((f"o_{name}", fmt) for name, fmt in pins.items())]
 
 
-def _blocks(module):
+def _contained_blocks(module):
     """The blocks in control or top; a block itself."""
     if module not in FILES.values():
         return {module}
-    return {block for part, _ in wiring.trace(module).instances.values() for block in _blocks(part)}
+    return {block for part, _ in wiring.trace(module).instances.values() for block in _contained_blocks(part)}
 
 
 def _parameters(module):
     """[(name, format)] of the parameters: keys of the design first and tables last, both with no format."""
-    parts = _blocks(module)
+    parts = _contained_blocks(module)
     used = {key for part in parts for key in block.keys(part)}
-    found = [(key.upper(), None) for key in DEFAULT._fields if key in used]
+    parameter_formats = [(key.upper(), None) for key in DEFAULT._fields if key in used]
     if module not in FILES.values():
-        return [*found, *block.parameters(module, RULES).items(), *(("ROM_FILE", None) for _ in module.BLOCK.roms)]
-    found += [(flat(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
-    return [*found, *((name, None) for stem, name in ROMS.items() if stem in map(_stem, parts))]
+        return [*parameter_formats, *block.parameters(module, RULES).items(), *(("ROM_FILE", None) for _ in module.BLOCK.roms)]
+    parameter_formats += [(flat(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
+    return [*parameter_formats, *((name, None) for stem, name in ROMS.items() if stem in map(_stem, parts))]
 
 
 # ---- head ------------------------------------------------------------------------------------------------------------
 
 
-def _span(width):
+def _vector_range(width):
     """Range of a declaration."""
     high = width - 1
     return f"[{high.text if isinstance(high, Width) else high}:0]"
@@ -83,14 +83,14 @@ def _span(width):
 
 def _kind(fmt):
     """Sign and range of a declaration, in columns."""
-    span = _span(fmt.width) if fmt and fmt.width > 1 else ""
+    span = _vector_range(fmt.width) if fmt and fmt.width > 1 else ""
     return f"{'signed' if fmt and fmt.s else '':<6} {span:>6}"
 
 
-def _noted(line, fmt, note):
+def _append_note(line, fmt, note):
     """A line with its note by hand, or its format; a note may begin with it."""
-    own = str(fmt) if fmt.width > 1 else ""
-    text = re.sub(f"^{FORMAT}", own, note or own)
+    format_text = str(fmt) if fmt.width > 1 else ""
+    text = re.sub(f"^{FORMAT}", format_text, note or format_text)
     return f"{line} // {text}" if text else line.rstrip()
 
 
@@ -106,7 +106,7 @@ def _notes(head):
     return notes, defaults
 
 
-def head(module, text):
+def format_module_head(module, text):
     """Parameters and ports of the module; notes and defaults are those of `text`, its head so far."""
     notes, defaults = _notes(text)
     parameters, lines = _parameters(module), []
@@ -124,18 +124,18 @@ def head(module, text):
             value = "0"
         elif not value or not value.startswith(f"{fmt.width}'"):
             value = f"{fmt.width}'{'s' if fmt.s else ''}d0"
-        span = f"{'signed' if fmt.s else '':<6} {_span(fmt.width):>6}"
-        left = f"    parameter {span} {name}"
-        lines.append(_noted(f"{left:<{pad + 28}} = {value + ',':<8}", fmt, notes.get(name)))
+        span = f"{'signed' if fmt.s else '':<6} {_vector_range(fmt.width):>6}"
+        declaration = f"    parameter {span} {name}"
+        lines.append(_append_note(f"{declaration:<{pad + 28}} = {value + ',':<8}", fmt, notes.get(name)))
     lines[-1] = lines[-1].rstrip(",")
     lines.append(") (")
-    ports = [("clk", BIT), ("rst", BIT), *_ports(module)]
+    ports = [("clk", BIT), ("rst", BIT), *_instance_ports(module)]
     pad = max(len(name) for name, _ in ports) + 2
     for k, (name, fmt) in enumerate(ports):
         way = "output" if name.startswith(("r_", "o_")) else "input"
         end = "," if k < len(ports) - 1 else ""
-        left = f"    {way:<6} wire {_kind(fmt)} {name + end}"
-        lines.append(_noted(f"{left:<{pad + 30}}", fmt, notes.get(name)))
+        declaration = f"    {way:<6} wire {_kind(fmt)} {name + end}"
+        lines.append(_append_note(f"{declaration:<{pad + 30}}", fmt, notes.get(name)))
     return "\n".join(lines)
 
 
@@ -161,11 +161,11 @@ class Design:
 
     def region(self, role):
         """Text of an instance; FileError if there is none."""
-        found = self.pattern(role).search(self.text)
-        if not found:
+        instance_match = self.pattern(role).search(self.text)
+        if not instance_match:
             stem = _stem(self.trace.instances[role][0])
             raise FileError(f"{self.path}: no instance {role}; write `gyro_{stem} {role} ();` where it shall stand")
-        return found[0]
+        return instance_match[0]
 
     def net(self, leaf, fmt):
         """What a leaf is called in Verilog: a part of a register where the port has fewer bits."""
@@ -191,13 +191,13 @@ class Design:
         wire = wires.get((role, port))
         if wire is None:  # a table of control
             return port
-        (leaf, *others), strobes = wire.signal.leaves, getattr(module, "BLOCK", None) and module.BLOCK.strobes
-        by_hand = others or wire.signal.label is not None or leaf.kind == "constant"
+        (leaf, *more_leaves), strobes = wire.signal.leaves, getattr(module, "BLOCK", None) and module.BLOCK.strobes
+        by_hand = more_leaves or wire.signal.label is not None or leaf.kind == "constant"
         if by_hand or (role in self.trace.gated and port in strobes):
             return self.old[role].get(port, wire.signal.label or f"{role}_{port}")
         return self.net(leaf, fmt)
 
-    def listed(self, role, ports, wires):
+    def connection_lines(self, role, ports, wires):
         """Lines of connections, in columns."""
         pad = max(len(name) for name, _ in ports)
         lines = [f"        .{name:<{pad}}({self.connection(role, name, fmt, wires)})" for name, fmt in ports]
@@ -207,18 +207,18 @@ class Design:
         """Text of an instance."""
         module = self.trace.instances[role][0]
         wires = {(wire.instance, wire.port): wire for wire in self.trace.wires}
-        given = _parameters(module)
-        values = f" #(\n{self.listed(role, given, wires)}\n    )" if given else ""
-        ports = self.listed(role, [("clk", BIT), ("rst", BIT), *_ports(module)], wires)
+        parameters = _parameters(module)
+        values = f" #(\n{self.connection_lines(role, parameters, wires)}\n    )" if parameters else ""
+        ports = self.connection_lines(role, [("clk", BIT), ("rst", BIT), *_instance_ports(module)], wires)
         return f"    gyro_{_stem(module)}{values} {role} (\n{ports}\n    );\n"
 
-    def renewed(self):
+    def regenerate_text(self):
         """The file with head and instances as they should be."""
         text = self.text
         begin = text.index(f"module gyro_{_stem(self.module)} #(\n")
         begin = text.index("\n", begin) + 1
         end = text.index("\n);\n", begin)
-        text = text[:begin] + head(self.module, text[begin:end]) + text[end:]
+        text = text[:begin] + format_module_head(self.module, text[begin:end]) + text[end:]
         for role in self.trace.instances:
             text = self.pattern(role).sub(lambda _, role=role: self.instance(role), text, count=1)
         return text
@@ -227,7 +227,7 @@ class Design:
 def stale(rtl=RTL):
     """{path: renewed text} of the files that are not what declarations and wires say."""
     designs = [Design(module, Path(rtl) / name) for name, module in FILES.items()]
-    return {one.path: text for one in designs if (text := one.renewed()) != one.text}
+    return {one.path: text for one in designs if (text := one.regenerate_text()) != one.text}
 
 
 def main(arguments=None):
@@ -236,14 +236,14 @@ def main(arguments=None):
     if arguments not in ([], ["--check"]):
         print("usage: python -m testbench.golden.rtl_wiring [--check]", file=sys.stderr)
         return 2
-    found = stale()
-    for path, text in found.items():
+    stale_files = stale()
+    for path, text in stale_files.items():
         if arguments:
             print(f"{path.name} is stale; run: python -m testbench.golden.rtl_wiring", file=sys.stderr)
         else:
             write_text(path, text)
             print(f"written: {path.name}")
-    return 1 if found and arguments else 0
+    return 1 if stale_files and arguments else 0
 
 
 if __name__ == "__main__":

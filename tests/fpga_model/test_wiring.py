@@ -131,7 +131,7 @@ def test_what_a_register_holds_here_is_proven():
     from testbench.golden.ranges import ranges
 
     ((name, fmt),) = rate_loop.BLOCK.holds.items()
-    (found,) = [one for one in ranges.of_case("rate_loop", "default").registers if one.name == block.flat(name)]
+    (found,) = [one for one in ranges.analyse_case("rate_loop", "default").registers if one.name == block.flat(name)]
     assert fmt.holds(found.proven[0])
     assert fmt.holds(found.proven[1])
     assert not fmt.holds(pi.OUT.hi)

@@ -20,7 +20,7 @@ HEAVY = (
     "testbench.campaign.rerun:rerun", "testbench.golden.bundles.export:export",
     "testbench.golden.bundles.effect:export",
     "testbench.golden.mutation.mutate:score", "testbench.golden.loop.run:run", "testbench.golden.proofs.formal:prove",
-    "testbench.golden.proofs.synthesis:synthesise", "testbench.golden.ranges.range_report:of_vectors",
+    "testbench.golden.proofs.synthesis:synthesise", "testbench.golden.ranges.range_report:case_range_entry",
     "testbench.golden.check.rtl_run:check", "testbench.measured.record.produce:record",
     "testbench.measured.record.from_run:write", "testbench.paper.loop.loop_page:write",
     "testbench.measured.residual.residuals:study", "testbench.measured.residual.calibrate:calibrate",

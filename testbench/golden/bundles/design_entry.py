@@ -12,7 +12,7 @@ from fpga_model import design_record
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle
 from testbench.golden.stimulus import blocks, levels
-from testbench.golden.stimulus.levels import told  # noqa: F401
+from testbench.golden.stimulus.levels import rtl_parameters  # noqa: F401
 from testbench.storage.inputs import checked
 
 
@@ -20,20 +20,20 @@ def entry(block):
     """Entries of the manifest of a `blocks.Block`; none for a block that no file gave a design."""
     if block.design is None:
         return {}
-    given = [{"name": name, "value": value} for name, value in block.keys.items()]
+    given = [{"name": name, "value": value} for name, value in block.design_keys.items()]
     return {"design": block.design._asdict(), "design_params": given}
 
 
 def interface(block, case):
     """Entries of the manifest that say what a design must look like: ports, parameters, levels."""
-    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
+    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.case_parameters(block, case)]
     return {
         "inputs": [bundle.port(p) for p in block.columns],
         "registers": [bundle.port(p) for p in block.registers],
         "outputs": [bundle.port(p) for p in block.pins],
         "params": params,
         "unused_params": levels.unused_params(block),
-        "levels": levels.entry(block),
+        "levels": levels.levels_entry(block),
         **entry(block),
     }
 
@@ -73,4 +73,4 @@ def board(path):
 
 def blocks_of(path):
     """{stem: Block} of a configuration file, with its parameters as cases."""
-    return blocks.of_firmware(board(path)[1])
+    return blocks.firmware_blocks(board(path)[1])

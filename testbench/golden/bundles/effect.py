@@ -34,4 +34,4 @@ def export(name, made, out, progress=None):
         raise ConfigError(f"{name!r} is no name of a case: letters, digits and _")
     r = record.closed_loop(name, made, progress)
     folder = Path(out) / top.STEM / name
-    return folder, top.write(r._replace(windows=record.windows_of(r)), folder)
+    return folder, top.write(r._replace(windows=record.find_windows(r)), folder)

@@ -83,7 +83,7 @@ def write(block, case, stim, families, seed, folder):
     exp = np.column_stack([regs, pins])
     files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
     manifest = _manifest(block, case, stim, exp, families, seed)
-    manifest["ranges"] = range_report.entry(block, case, regs, pins)
+    manifest["ranges"] = range_report.range_entry(block, case, regs, pins)
     files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
     return bundle.write(folder, manifest, files, [_waves(block, stim, exp)], scores.note_score)
 
@@ -122,7 +122,7 @@ def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
     frames  of the whole design of a configuration from power-on
     """
     settings, firmware = (None, None) if config is None else design_entry.board(config)
-    known = blocks.BLOCKS if config is None else blocks.of_firmware(firmware)
+    known = blocks.BLOCKS if config is None else blocks.firmware_blocks(firmware)
     if config is not None and name in ("all", top.STEM):
         top.check_board(firmware, frames)
     listed = [] if name == top.STEM else chosen(name, [top.STEM], known)

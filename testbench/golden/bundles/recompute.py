@@ -72,7 +72,7 @@ def block_of(path, manifest):
     """The block of a manifest, with its case; FileError where this version has none such."""
     stem, case = manifest["block"], manifest["case"]
     design = design_entry.of_manifest(path, manifest)
-    block = (blocks.BLOCKS if design is None else blocks.of_record(design)).get(stem)
+    block = (blocks.BLOCKS if design is None else blocks.design_blocks(design)).get(stem)
     if block is None or (case not in block.cases and design is None):
         raise FileError(f"{path}: {stem}/{case} is no block and case of this version")
     if case in block.cases:
@@ -97,7 +97,7 @@ def _block_again(found, path, folder):
     ports = {"inputs": block.columns, "registers": block.registers, "outputs": block.pins}
     for key, own in ports.items():
         _same_entry(path, key, manifest[key], [bundle.port(p) for p in own])
-    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(block, case)]
+    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.case_parameters(block, case)]
     _same_entry(path, "params", manifest.get("params"), params)
     export.write(block, case, found.stim, manifest.get("families", ()), manifest.get("seed"), folder)
 

@@ -82,7 +82,7 @@ def _rules():
 def block(params, design=None):
     """The whole design as a `blocks.Block`; `params` are {case: Params or None}, `design` as there."""
     rules, record = _rules(), design or DEFAULT
-    state, known = top.reset(record), blocks.of_record(record)
+    state, known = top.reset(record), blocks.design_blocks(record)
     registers = [
         Port(flat(path), fmt, int(reset), *rules.get(flat(path), (None, None)))
         for (path, reset), (_, fmt) in zip(leaves(state), format_leaves(formats(top.State, record)), strict=True)
@@ -179,7 +179,7 @@ def _manifest(design, r, at, counts, clocks):
         "registers": [bundle.port(p) for p in design.registers],
         "outputs": [bundle.port(p) for p in design.pins],
     }
-    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.params_of(design, r.name)]
+    params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.case_parameters(design, r.name)]
     recorded, d, entry = recording.sha256(r), design.record, design_entry.entry(design)
     identity = {"block": STEM, "case": r.name, "params": params, "recording": recorded, **ports, **entry}
     return {
@@ -198,13 +198,13 @@ def _manifest(design, r, at, counts, clocks):
         "samples": counts["samples"],
         "signature": {
             "polynomial": f"{signature.POLYNOMIAL:x}",
-            "row_bits": signature.padded(counts["out_width"]),
+            "row_bits": signature.padded_width(counts["out_width"]),
             "reset": "every frame",
         },
         "windows": [{"clock": w.first, "rows": w.count, "shows": w.shows} for w in r.windows],
         **ports,
         "params": params,
-        "levels": levels.entry(design),
+        "levels": levels.levels_entry(design),
         **entry,
         "latency": design.latency,
         "recording_sha256": recorded,
@@ -259,7 +259,7 @@ def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOW
     if pins_only:
         judged, beside = pins, {}
     else:
-        signatures = [signature.of_remainder(words) for words in rows.remainders]
+        signatures = [signature.remainder_signature(words) for words in rows.remainders]
         judged = Judged(design, np.column_stack([rows.registers, rows.pins]), signatures, {})
         beside = {f"{PINS}/{name}": text for name, text in _sealed(r, pins, at, rows.inputs, shown_rows).items()}
     files, counts = _files(r, judged, at, rows.inputs, shown_rows)
@@ -342,7 +342,7 @@ def export_board(firmware, config, case, folder, frames=BOARD_FRAMES, progress=N
     else:
         made = record.Case(config, lambda _: firmware, frames, row_every=max(1, frames // BOARD_FRAMES))
         r = record.closed_loop(case, made, progress)
-    return write(r._replace(windows=record.windows_of(r)), folder, of_board=True)
+    return write(r._replace(windows=record.find_windows(r)), folder, of_board=True)
 
 
 def begun(r, frames, windows):

@@ -79,7 +79,7 @@ def of_firmware(params):
     program.declare(kind_of(state), formats(top.State, design, state))
     program.declare(kind_of(params), formats(top.Params, design, params))
     made = []
-    for stem, found in blocks.of_record(design).items():
+    for stem, found in blocks.design_blocks(design).items():
         made.append(make(program, stem, found, next(iter(found.cases.values()))))
     whole = top_bundle.block({"firmware": params}, design)
     made.append(make(program, top_bundle.STEM, whole, params, state))

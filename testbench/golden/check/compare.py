@@ -236,7 +236,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
     counts = {name: (care or {}).get(name, np.ones(manifest["n"], bool))[:n] for name in logged}
     wrong = {name: counts[name] & (~c.known[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
     differing = {name: int(rows.sum()) for name, rows in wrong.items() if rows.any()}
-    seen = {p["name"]: name for name, p in levels.judged(manifest, terms.level)}
+    seen = {p["name"]: name for name, p in levels.compared_ports(manifest, terms.level)}
     missing = tuple(name for name in expected if name in seen and name not in logged)
     some = np.logical_or.reduce([rows for name, rows in counts.items() if name in expected])
     head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, terms.level,
@@ -265,7 +265,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         cycle=terms.first + clock,
         time_ns=(terms.first + clock) * 1e9 / manifest["clock"]["hz"],
         port=port,
-        kind=levels.kind_of(manifest, seen[port]) if port in seen else "input",
+        kind=levels.port_kind(manifest, seen[port]) if port in seen else "input",
         expected=want,
         got=have,
         expected_value=want * scale,

@@ -12,7 +12,7 @@ Source  docs/golden.md (what a design must look like)
 import re
 
 from testbench.errors import FileError
-from testbench.golden.bundles.design_entry import told
+from testbench.golden.bundles.design_entry import rtl_parameters
 from testbench.golden.stimulus import levels
 
 TOP = "gyro_log"
@@ -22,12 +22,12 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 def results(manifest, level="registers"):
     """(RTL port, entry of the manifest) of everything that is logged at a level."""
-    return levels.judged(manifest, level)
+    return levels.compared_ports(manifest, level)
 
 
 def _checked(manifest):
     names = [manifest["block"]] + [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
-    names += [p["name"] for p in manifest.get("params", [])] + [name for name, _ in told(manifest)]
+    names += [p["name"] for p in manifest.get("params", [])] + [name for name, _ in rtl_parameters(manifest)]
     for name in names:
         if not NAME.fullmatch(str(name)):
             raise FileError(f"manifest: {name!r} is no name of a port, a parameter or a block")
@@ -63,7 +63,7 @@ def verilog(manifest, rom=None, level="registers", module=None):
     _checked(manifest)
     inputs, found = manifest["inputs"], results(manifest, level)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
-    given = [f".{name}({value})" for name, value in told(manifest)]
+    given = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
     given += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)]
     given += [f'.ROM_FILE("{rom}")'] if rom else []
     ports = [".clk(clk)", *(f".{p['name']}(`IN(now[{hi}:{lo}]))" for p, hi, lo in _slices(inputs))]
@@ -122,7 +122,7 @@ def vhdl(manifest, rom=None, level="registers", module=None):
     def part(hi, lo):
         return f"({hi})" if hi == lo else f"({hi} downto {lo})"
 
-    given = [f"{name} => {value}" for name, value in told(manifest)]
+    given = [f"{name} => {value}" for name, value in rtl_parameters(manifest)]
     given += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
     given += [f'ROM_FILE => "{rom}"'] if rom else []
     nets = [(p["name"], f"now{part(hi, lo)}") for p, hi, lo in _slices(inputs)]

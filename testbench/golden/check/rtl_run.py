@@ -110,7 +110,7 @@ def _complaints(said, texts, manifest, design):
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.results(manifest)}
     parameters = {name: width for name, width, _, _ in loggers.parameters(manifest)}
-    parameters |= {name: 32 for name, _ in design_entry.told(manifest)}
+    parameters |= {name: 32 for name, _ in design_entry.rtl_parameters(manifest)}
     widths |= parameters
     widths |= design.widths()
     out, spelled = {}, {name.lower(): name for name in widths}

@@ -95,7 +95,7 @@ def skeleton(found, manifest=None, ours=False):
     if manifest is None:
         lines += [f'# port = "{s.path}"' for s in found if s.path not in (clock, reset)]
         return "\n".join(lines) + "\n"
-    ports = [(p["name"], p["width"]) for _, p in levels.judged(manifest, "registers")]
+    ports = [(p["name"], p["width"]) for _, p in levels.compared_ports(manifest, "registers")]
     rest = [s for s in found if s.path not in (clock, reset)]
     given = suggested(ports, rest)
     for name, width in ports:

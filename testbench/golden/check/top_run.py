@@ -86,7 +86,7 @@ def named(manifest):
 def _logged(golden, text):
     """{port: Column} of a design: golden values, and in their place those that its bench names."""
     manifest, first = golden.manifest, int(golden.at[0])
-    ports = {p["name"]: p for p in manifest["inputs"]} | dict(levels.judged(manifest, "registers"))
+    ports = {p["name"]: p for p in manifest["inputs"]} | dict(levels.compared_ports(manifest, "registers"))
     columns = [Column(c.copy(), np.ones(len(c), bool)) for c in np.column_stack([golden.stim, golden.exp]).T]
     found = dict(zip(ports, columns, strict=True))
     for clock, name, _, got in ROW.findall(text):

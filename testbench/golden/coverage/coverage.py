@@ -26,14 +26,14 @@ class Toggle(NamedTuple):
 
 def toggles(ports, rows):
     """One Toggle for each column of int64 rows."""
-    found = []
+    port_toggles = []
     for k, port in enumerate(ports):
         column, mask = rows[:, k], (1 << port.width) - 1
         before, after = column[:-1], column[1:]
         rose = int(np.bitwise_or.reduce(after & ~before, initial=0)) & mask
         fell = int(np.bitwise_or.reduce(before & ~after, initial=0)) & mask
-        found.append(Toggle(port.name, port.width, rose, fell))
-    return found
+        port_toggles.append(Toggle(port.name, port.width, rose, fell))
+    return port_toggles
 
 
 def toggle_goals(ports):
@@ -43,7 +43,7 @@ def toggle_goals(ports):
     ]
 
 
-def toggles_seen(ports, rows):
+def reached_toggle_goals(ports, rows):
     """The toggle goals that rows meet."""
     seen = set()
     for found in toggles(ports, rows):
@@ -64,13 +64,13 @@ def goal_name(block):
 
 def goals(block, case):
     """Every goal (kind, place, outcome) of a case, whether it can be met or not, in a fixed order."""
-    return toggle_goals(goal_name(block)) + probes.probed(block, case).goals()
+    return toggle_goals(goal_name(block)) + probes.build_probed_step(block, case).goals()
 
 
-def coverage_of(block, case, rows, results=None):
+def find_reached_goals(block, case, rows, results=None):
     """Goals that a stimulus meets; `results` are the registers and pins of the model if they are known."""
     if results is None:
         results = side_by_side(*blocks.run(block, case, rows))
-    probed = probes.probed(block, case)
+    probed = probes.build_probed_step(block, case)
     probes.follow(block, case, probed, np.asarray(rows).tolist())
-    return toggles_seen(goal_name(block), results) | probed.seen()
+    return reached_toggle_goals(goal_name(block), results) | probed.reached_goals()

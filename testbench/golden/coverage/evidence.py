@@ -17,8 +17,8 @@ KINDS = ("branch", "compare", "round", "cut", "clamp", "wrap")
 
 def summary(block, case, rows, results):
     """The entry of one case; `results` are registers and pins of the model for these rows."""
-    met, dead = coverage.coverage_of(block, case, rows, results), unreachable.reasons(block, case)
-    missing = corners.stored(block.stem)["missing"]
+    met, dead = coverage.find_reached_goals(block, case, rows, results), unreachable.reasons(block, case)
+    missing = corners.load_corners(block.stem)["missing"]
     toggles = {port.name: [0, 0] for port in coverage.goal_name(block)}
     outcomes = {kind: [0, 0] for kind in KINDS}
     not_met = {}
@@ -28,8 +28,8 @@ def summary(block, case, rows, results):
         count = toggles[goal[1]] if goal[0] == "toggle" else outcomes[goal[0]]
         count[0] += goal in met
         count[1] += 1
-        name = corners.spelled(goal)
-        why = unreachable.left_out(block, goal) or missing.get(name)
+        name = corners.goal_text(goal)
+        why = unreachable.waiver_reason(block, goal) or missing.get(name)
         if why and goal not in met:
             not_met[name] = why
     return {"toggles": toggles, "outcomes": outcomes, "proved": len(dead), "not_met": not_met}

@@ -65,85 +65,85 @@ class Site(NamedTuple):
 # Each factory returns the function that stands in the place, writing outcomes into `seen` -----------------------------
 
 
-def _branch(seen):
-    def note(value):
-        seen.add("yes" if value else "no")
+def _probe_branch(outcomes):
+    def observe_branch(value):
+        outcomes.add("yes" if value else "no")
         return value
 
-    return note
+    return observe_branch
 
 
-def _compare(symbol, seen):
+def _probe_comparison(symbol, outcomes):
     test = eval(f"lambda a, b: a {symbol} b")
-    near = symbol in ORDER.values()
+    is_ordering = symbol in ORDER.values()
 
-    def note(a, b):
-        found = test(a, b)
-        seen.add("yes" if found else "no")
-        if near and -2 < a - b < 2:
-            seen.add(("-1", "0", "+1")[a - b + 1])
-        return found
+    def observe_comparison(a, b):
+        is_true = test(a, b)
+        outcomes.add("yes" if is_true else "no")
+        if is_ordering and -2 < a - b < 2:
+            outcomes.add(("-1", "0", "+1")[a - b + 1])
+        return is_true
 
-    return note
+    return observe_comparison
 
 
-def _round(seen):
-    def note(x, n):
+def _probe_rounding(outcomes):
+    def observe_rounding(x, n):
         if n > 0:
             low, half = x & ((1 << n) - 1), 1 << (n - 1)
             if low == half:
-                seen.add(f"tie{'-' if x < 0 else '+'}{'odd' if (x >> n) & 1 else 'even'}")
+                outcomes.add(f"tie{'-' if x < 0 else '+'}{'odd' if (x >> n) & 1 else 'even'}")
             elif low < 2:
-                seen.add("one" if low else "zero")
+                outcomes.add("one" if low else "zero")
             if low == half - 1:
-                seen.add("half-1")
+                outcomes.add("half-1")
             elif low == half + 1:
-                seen.add("half+1")
+                outcomes.add("half+1")
             if low == (1 << n) - 1:
-                seen.add("ones")
+                outcomes.add("ones")
         return (x + ((1 << n) >> 1)) >> n
 
-    return note
+    return observe_rounding
 
 
-def _cut(seen):
-    def note(x, n):
+def _probe_truncation(outcomes):
+    def observe_truncation(x, n):
         low = x & ((1 << n) - 1)
         if low == 0:
-            seen.add("zero")
+            outcomes.add("zero")
         if low == (1 << n) - 1:
-            seen.add("ones")
+            outcomes.add("ones")
         return x >> n
 
-    return note
+    return observe_truncation
 
 
-def _clamp(seen):
-    def note(x, lo, hi):
+def _probe_clamp(outcomes):
+    def observe_clamp(x, lo, hi):
         if -2 < x - lo < 2:
-            seen.add(("lo-1", "lo", "lo+1")[x - lo + 1])
+            outcomes.add(("lo-1", "lo", "lo+1")[x - lo + 1])
         if -2 < x - hi < 2:
-            seen.add(("hi-1", "hi", "hi+1")[x - hi + 1])
+            outcomes.add(("hi-1", "hi", "hi+1")[x - hi + 1])
         return lo if x < lo else (hi if x > hi else x)
 
-    return note
+    return observe_clamp
 
 
-def _wrap(seen, signed):
+def _probe_wrap(outcomes, signed):
     def lowest(width):
         return -(1 << (width - 1)) if signed else 0
 
-    def note(x, width):
+    def observe_wrap(x, width):
         lo = lowest(width)
         hi = lo + (1 << width) - 1
         if x == lo or x == hi:
-            seen.add("lo" if x == lo else "hi")
+            outcomes.add("lo" if x == lo else "hi")
         elif x == lo - 1 or x == hi + 1:
-            seen.add("under" if x < lo else "over")
+            outcomes.add("under" if x < lo else "over")
         return ((x - lo) & ((1 << width) - 1)) + lo
 
-    note.lowest = lowest
-    return note
+    observe_wrap.lowest = lowest
+    return observe_wrap
 
 
 def _distance(kind, outcome, args):
@@ -162,22 +162,22 @@ def _distance(kind, outcome, args):
     if kind in ("round", "cut"):
         x, n = args
         size, half = 1 << n, (1 << n) >> 1
-        wanted = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": size - 1}.get(outcome, half)
-        away = abs((x & (size - 1)) - wanted)
+        target_bits = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": size - 1}.get(outcome, half)
+        away = abs((x & (size - 1)) - target_bits)
         return min(away, size - away) if n else None
     return None
 
 
-PLACES = {
-    "half_up": ("round", ROUNDED, _round),
-    "floor": ("cut", ("zero", "ones"), _cut),
-    "clamp": ("clamp", CLAMPED, _clamp),
-    "wrap": ("wrap", WRAPPED, lambda seen: _wrap(seen, True)),
-    "wrap_unsigned": ("wrap", WRAPPED, lambda seen: _wrap(seen, False)),
+PROBED_FUNCTIONS = {
+    "half_up": ("round", ROUNDED, _probe_rounding),
+    "floor": ("cut", ("zero", "ones"), _probe_truncation),
+    "clamp": ("clamp", CLAMPED, _probe_clamp),
+    "wrap": ("wrap", WRAPPED, lambda seen: _probe_wrap(seen, True)),
+    "wrap_unsigned": ("wrap", WRAPPED, lambda seen: _probe_wrap(seen, False)),
 }
 
 
-def _python(function):
+def _unwrap_kernel(function):
     return getattr(function, "py_func", function)
 
 
@@ -191,79 +191,79 @@ class _Transformer(ast.NodeTransformer):
     def __init__(self, owner, names, path, changing):
         self.owner, self.names, self.path, self.changing = owner, names, path, changing
 
-    def fixed(self, node):
+    def is_constant(self, node):
         return not any(isinstance(n, ast.Name) and n.id in self.changing for n in ast.walk(node))
 
     def value(self, node):
         return eval(compile(ast.fix_missing_locations(ast.Expression(node)), "", "eval"), self.names)
 
-    def place(self, kind, node, possible, factory):
+    def add_probe(self, kind, node, possible, factory):
         key = self.owner.add(kind, self.path, ast.unparse(node), possible, factory)
         return ast.Name(key, ast.Load())
 
     def visit(self, node):
-        return node if isinstance(node, ast.expr) and self.fixed(node) else super().visit(node)
+        return node if isinstance(node, ast.expr) and self.is_constant(node) else super().visit(node)
 
-    def test(self, node):
+    def probe_condition(self, node):
         """The probed form of an expression whose truth is used."""
-        if self.fixed(node):
+        if self.is_constant(node):
             return node
         if isinstance(node, (ast.BoolOp, ast.Compare)) or (
             isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
         ):
             return self.visit(node)
-        note = self.place("branch", node, ("yes", "no"), _branch)
+        note = self.add_probe("branch", node, ("yes", "no"), _probe_branch)
         return ast.Call(note, [self.visit(node)], [])
 
     def visit_If(self, node):
-        if self.fixed(node.test):
-            return self.listed(node.body if self.value(node.test) else node.orelse) or ast.Pass()
-        return ast.If(self.test(node.test), self.listed(node.body), self.listed(node.orelse))
+        if self.is_constant(node.test):
+            return self.transform_statements(node.body if self.value(node.test) else node.orelse) or ast.Pass()
+        return ast.If(self.probe_condition(node.test), self.transform_statements(node.body), self.transform_statements(node.orelse))
 
-    def listed(self, nodes):
-        found = []
+    def transform_statements(self, nodes):
+        statements = []
         for node in nodes:
             visited = self.visit(node)
-            found += visited if isinstance(visited, list) else [visited]
-        return found
+            statements += visited if isinstance(visited, list) else [visited]
+        return statements
 
     def visit_IfExp(self, node):
-        if self.fixed(node.test):
+        if self.is_constant(node.test):
             return self.visit(node.body if self.value(node.test) else node.orelse)
-        return ast.IfExp(self.test(node.test), self.visit(node.body), self.visit(node.orelse))
+        return ast.IfExp(self.probe_condition(node.test), self.visit(node.body), self.visit(node.orelse))
 
     def visit_BoolOp(self, node):
-        return ast.BoolOp(node.op, [self.test(value) for value in node.values])
+        return ast.BoolOp(node.op, [self.probe_condition(value) for value in node.values])
 
     def visit_UnaryOp(self, node):
-        operand = self.test(node.operand) if isinstance(node.op, ast.Not) else self.visit(node.operand)
+        operand = self.probe_condition(node.operand) if isinstance(node.op, ast.Not) else self.visit(node.operand)
         return ast.UnaryOp(node.op, operand)
 
     def visit_Compare(self, node):
         kind = type(node.ops[0])
         possible = ("yes", "no", "-1", "0", "+1") if kind in ORDER else ("yes", "no")
         symbol = {**ORDER, **SAME}[kind]
-        note = self.place("compare", node, possible, lambda seen: _compare(symbol, seen))
+        note = self.add_probe("compare", node, possible, lambda seen: _probe_comparison(symbol, seen))
         (right,) = node.comparators
         return ast.Call(note, [self.visit(node.left), self.visit(right)], [])
 
     def visit_BinOp(self, node):
         if not isinstance(node.op, ast.RShift):
             return self.generic_visit(node)
-        note = self.place("cut", node, ("zero", "ones"), _cut)
+        note = self.add_probe("cut", node, ("zero", "ones"), _probe_truncation)
         return ast.Call(note, [self.visit(node.left), self.visit(node.right)], [])
 
     def visit_Call(self, node):
         target = self.value(node.func)
         arguments = [self.visit(x) for x in node.args]
         keywords = [ast.keyword(k.arg, self.visit(k.value)) for k in node.keywords]
-        plain = _python(target)
-        if plain.__module__ == fixed.__name__ and plain.__name__ in PLACES:
-            kind, possible, factory = PLACES[plain.__name__]
-            return ast.Call(self.place(kind, node, possible, factory), arguments, keywords)
+        plain = _unwrap_kernel(target)
+        if plain.__module__ == fixed.__name__ and plain.__name__ in PROBED_FUNCTIONS:
+            kind, possible, factory = PROBED_FUNCTIONS[plain.__name__]
+            return ast.Call(self.add_probe(kind, node, possible, factory), arguments, keywords)
         if inspect.isfunction(plain) and plain.__module__.startswith("fpga_model."):
-            given = dict(zip(inspect.signature(plain).parameters, node.args)) | {k.arg: k.value for k in node.keywords}
-            steady = {name: self.value(value) for name, value in given.items() if self.fixed(value)}
+            arguments_by_name = dict(zip(inspect.signature(plain).parameters, node.args)) | {k.arg: k.value for k in node.keywords}
+            steady = {name: self.value(value) for name, value in arguments_by_name.items() if self.is_constant(value)}
             inner = self.owner.copy(plain, f"{self.path} > {ast.unparse(node.func)}", steady)
             return ast.Call(ast.Name(inner, ast.Load()), arguments, keywords)
         return ast.Call(node.func, arguments, keywords)
@@ -278,7 +278,7 @@ class Probed:
     def __init__(self, module, fixed, watched=None):
         self.watched, self.nearest = watched, None
         self.numbers, self.sites, self.shared, self.calls = itertools.count(), {}, {}, {}
-        self.step = self.shared[self.copy(_python(module.step), module.__name__.rpartition(".")[2], fixed)]
+        self.step = self.shared[self.copy(_unwrap_kernel(module.step), module.__name__.rpartition(".")[2], fixed)]
 
     def add(self, kind, path, text, possible, factory):
         key = f"_probe_{next(self.numbers)}"
@@ -287,14 +287,14 @@ class Probed:
         self.sites[site.name] = site
         self.shared[key] = note = factory(site.seen)
         if self.watched and self.watched[:2] == (kind, site.name):
-            self.shared[key] = self.measured(kind, note, self.watched[2])
+            self.shared[key] = self.track_distance(kind, note, self.watched[2])
         return key
 
-    def measured(self, kind, note, outcome):
+    def track_distance(self, kind, note, outcome):
         """A note that keeps the least distance of its operands from the watched outcome as well."""
 
         def with_distance(*args):
-            found = note(*args)
+            operation_result = note(*args)
             values = args
             if kind == "wrap":
                 lo = note.lowest(args[1])
@@ -302,7 +302,7 @@ class Probed:
             away = _distance(kind, outcome, values)
             if away is not None and (self.nearest is None or away < self.nearest):
                 self.nearest = away
-            return found
+            return operation_result
 
         return with_distance
 
@@ -317,7 +317,7 @@ class Probed:
         stored = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
         changing = (set(inspect.signature(function).parameters) - set(fixed)) | stored
         changed = _Transformer(self, names, path if self.calls[path] == 1 else f"{path}#{self.calls[path]}", changing)
-        tree.body = changed.listed(tree.body)
+        tree.body = changed.transform_statements(tree.body)
         names["__builtins__"] = __builtins__
         code = compile(ast.fix_missing_locations(ast.Module([tree], [])), inspect.getfile(function), "exec")
         names.update(self.shared)
@@ -334,11 +334,11 @@ class Probed:
         """Every (kind, name, outcome) that the sites could give."""
         return [(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.possible]
 
-    def seen(self):
+    def reached_goals(self):
         return {(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.seen}
 
 
-def probed(block, case, watched=None):
+def build_probed_step(block, case, watched=None):
     """Probed step of a golden block for one case; `watched` is a goal whose nearest miss is kept in `nearest`."""
     module = importlib.import_module(f"fpga_model.{block.stem}")
     fixed = {} if block.runtime_params or block.cases[case] is None else {"p": block.cases[case]}
@@ -348,19 +348,19 @@ def probed(block, case, watched=None):
 def edge(block, case, step):
     """Function (state, row of inputs without rst) -> next state, by the given step."""
     names = registry.arguments(registry.declared()[block.stem])
-    place, params = names.index("s"), block.cases[case]
+    state_index, params = names.index("s"), block.cases[case]
 
-    def one(s, row):
-        given = blocks.given(block, params, row)
-        return step(*given[:place], s, *given[place:])
+    def step_row(s, row):
+        given = blocks.step_arguments(block, params, row)
+        return step(*given[:state_index], s, *given[state_index:])
 
-    return one
+    return step_row
 
 
-def follow(block, case, found, rows, state=None):
+def follow(block, case, probed_step, rows, state=None):
     """Run rows (lists, rst first) through a probed step; returns the state after the last."""
-    one = edge(block, case, found.step)
+    step_row = edge(block, case, probed_step.step)
     state = block.state if state is None else state
     for row in rows:
-        state = block.state if row[0] else one(state, row[1:])
+        state = block.state if row[0] else step_row(state, row[1:])
     return state

@@ -20,30 +20,30 @@ import numpy as np
 from fpga_model import axi_slave, cordic, fault_monitor, modulator, pi, rate_output, registers, sequencer, sine
 from testbench.golden.coverage import coverage, probes
 from testbench.golden.stimulus import blocks
-from testbench.golden.stimulus.edges_pi import ERRORS, ONE, Loop, even_part, half_up
+from testbench.golden.stimulus.edges_pi import ERRORS, ONE, Loop, half_up, largest_power_of_two
 
 TIES = ("tie+even", "tie+odd", "tie-even", "tie-odd")
 
 
 @functools.cache
-def _tree(text):
+def _parse_expression(text):
     return ast.parse(text, mode="eval").body
 
 
-def _like(shape, node):
+def _matches_shape(shape, node):
     """Whether two trees are the same, but for `_` in the first."""
     if isinstance(shape, ast.Name) and shape.id == "_":
         return True
     if isinstance(shape, list):
-        return len(shape) == len(node) and all(map(_like, shape, node))
+        return len(shape) == len(node) and all(map(_matches_shape, shape, node))
     if not isinstance(shape, ast.AST):
         return shape == node
     return type(shape) is type(node) and all(
-        _like(part, getattr(node, field)) or (field, part) == ("attr", "_") for field, part in ast.iter_fields(shape)
+        _matches_shape(part, getattr(node, field)) or (field, part) == ("attr", "_") for field, part in ast.iter_fields(shape)
     )
 
 
-class Place(NamedTuple):
+class GoalSite(NamedTuple):
     """Where goals stand: the function, which copy of it, the expression, and which of its kind in that copy."""
 
     function: str
@@ -51,16 +51,16 @@ class Place(NamedTuple):
     tree: ast.expr
     again: int
 
-    def like(self, *shapes):
+    def has_shape(self, *shapes):
         """Whether the expression has one of the shapes."""
-        return any(_like(_tree(shape), self.tree) for shape in shapes)
+        return any(_matches_shape(_parse_expression(shape), self.tree) for shape in shapes)
 
 
 @functools.cache
-def _places(stem, case):
+def _goal_sites(stem, case):
     """{(kind, name): Place} of every probe of a case."""
-    sites = probes.probed(blocks.BLOCKS[stem], case).sites.values()
-    return {(s.kind, s.name): Place(s.function, s.copy, _tree(s.text), s.again) for s in sites}
+    sites = probes.build_probed_step(blocks.BLOCKS[stem], case).sites.values()
+    return {(s.kind, s.name): GoalSite(s.function, s.copy, _parse_expression(s.text), s.again) for s in sites}
 
 
 class Claim(NamedTuple):
@@ -73,9 +73,9 @@ class Claim(NamedTuple):
     function: str | None = None
     again: int | None = None
 
-    def covers(self, place):
+    def covers(self, site):
         return (
-            self.function in (None, place.function) and self.again in (None, place.again) and place.like(*self.shapes)
+            self.function in (None, site.function) and self.again in (None, site.again) and site.has_shape(*self.shapes)
         )
 
 
@@ -148,11 +148,11 @@ CLAIMS = (
 )
 
 
-def _claimed(block, places):
+def _match_claims(block, goal_sites):
     for claim in CLAIMS:
         if block.stem in claim.stems:
-            for goal, place in places:
-                if goal[2] in claim.outcomes and claim.covers(place):
+            for goal, site in goal_sites:
+                if goal[2] in claim.outcomes and claim.covers(site):
                     yield goal, claim.reason
 
 
@@ -166,7 +166,7 @@ def pi_registers(p, prefix):
     bounds = {f"{prefix}acc": (lo * ONE, hi * ONE, why), f"{prefix}y": (lo, hi, why)}
     if p.kp == 0:
         bounds[f"{prefix}prop"] = (0, 0, "kp = 0")
-    return bounds, {f"{prefix}prop": (p.kp & -p.kp, f"kp = {p.kp}"), f"{prefix}acc": (even_part(p.ki), f"ki = {p.ki}")}
+    return bounds, {f"{prefix}prop": (p.kp & -p.kp, f"kp = {p.kp}"), f"{prefix}acc": (largest_power_of_two(p.ki), f"ki = {p.ki}")}
 
 
 def _counters(p, prefix=""):
@@ -185,10 +185,10 @@ def bounds(block, case):
     if stem == "pi":
         return pi_registers(p, "")
     if stem in ERRORS:
-        found, multiples = pi_registers(p.loop, "loop_")
+        intervals, multiples = pi_registers(p.loop, "loop_")
         if stem == "agc":
-            found["o_amplitude"] = (min(0, p.loop.lo), max(p.kick, p.loop.hi), "the kick and the limits")
-        return found, multiples
+            intervals["o_amplitude"] = (min(0, p.loop.lo), max(p.kick, p.loop.hi), "the kick and the limits")
+        return intervals, multiples
     if stem == "delay" and p.depth == 0:
         return {f"taps_{k}": (0, 0, "depth 0 holds the taps at reset") for k in range(8)}, {}
     if stem == "spi_dac":
@@ -241,206 +241,206 @@ def _loop(block, case):
     return Loop(p.loop, ERRORS[block.stem], None if block.stem == "frequency_tracker" else preset, None)
 
 
-def _acc_reaches(loop, limit, beyond):
+def _acc_reaches(loop, limit, offset_lsb):
     """Whether acc + ki*e can be limit*2**24 + beyond, by divisibility alone."""
     p = loop.p
     if loop.preset is None:
-        return any((limit * ONE + beyond - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi))
-    if beyond % even_part(p.ki):
+        return any((limit * ONE + offset_lsb - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi))
+    if offset_lsb % largest_power_of_two(p.ki):
         return False
-    moved = [p.ki * e for e in loop.solved(p.ki, beyond % ONE)]
+    integral_steps = [p.ki * e for e in loop.solve_errors(p.ki, offset_lsb % ONE)]
     span = (p.hi - p.lo) * ONE
-    lowest, highest = (beyond, span + beyond) if limit == p.hi else (beyond - span, beyond)
-    return any(lowest <= m <= highest for m in moved)
+    lowest, highest = (offset_lsb, span + offset_lsb) if limit == p.hi else (offset_lsb - span, offset_lsb)
+    return any(lowest <= m <= highest for m in integral_steps)
 
 
-def _pi_places(block, case, places):
+def _pi_exclusions(block, case, goal_sites):
     loop = _loop(block, case)
     p = loop.p
-    step = min(even_part(p.kp), even_part(p.ki))
-    for goal, place in places:
+    step = min(largest_power_of_two(p.kp), largest_power_of_two(p.ki))
+    for goal, site in goal_sites:
         outcome = goal[2]
-        if place.like("clamp(preset, _, _)") and outcome in _outside(loop.preset.lo, loop.preset.hi, p.lo, p.hi):
+        if site.has_shape("clamp(preset, _, _)") and outcome in _outside(loop.preset.lo, loop.preset.hi, p.lo, p.hi):
             yield goal, f"preset is of format {loop.preset}"
-        if place.like("clamp(s.acc + _, _, _)") and p.ki:
-            limit, beyond = (p.lo if outcome[:2] == "lo" else p.hi), int(outcome[2:] or 0)
-            if not _acc_reaches(loop, limit, beyond):
+        if site.has_shape("clamp(s.acc + _, _, _)") and p.ki:
+            limit, offset_lsb = (p.lo if outcome[:2] == "lo" else p.hi), int(outcome[2:] or 0)
+            if not _acc_reaches(loop, limit, offset_lsb):
                 yield goal, f"acc moves by multiples of ki = {p.ki} only, from where it is clamped or preset"
-        if place.like("half_up(s.prop + s.acc, _)"):
+        if site.has_shape("half_up(s.prop + s.acc, _)"):
             if step > 1 and outcome in ("one", "half-1", "half+1", "ones"):
                 yield goal, f"prop + acc is a multiple of {step}: kp = {p.kp}, ki = {p.ki}"
             if p.kp == 0 and p.lo >= 0 and outcome in ("tie-even", "tie-odd"):
                 yield goal, "kp = 0 and lo >= 0: the sum is never negative"
-        if place.like("clamp(half_up(s.prop + s.acc, _), _, _)") and p.kp == 0 and outcome in ("lo-1", "hi+1"):
+        if site.has_shape("clamp(half_up(s.prop + s.acc, _), _, _)") and p.kp == 0 and outcome in ("lo-1", "hi+1"):
             yield goal, "kp = 0: the sum is acc, which is clamped already"
 
 
-def _modulator_places(block, case, places):
+def _modulator_exclusions(block, case, goal_sites):
     p = block.cases[case]
     amplitude, factor = modulator.AMPLITUDE, modulator.SINE
     ends = [a * s for a in (amplitude.lo, amplitude.hi) for s in (factor.lo, factor.hi)]
-    beyond = _outside(half_up(min(ends), p.shift), half_up(max(ends), p.shift), p.lo, p.hi)
+    impossible_outcomes = _outside(half_up(min(ends), p.shift), half_up(max(ends), p.shift), p.lo, p.hi)
     factors = np.arange(1, modulator.SINE.hi + 1, 2)
-    for goal, place in places:
-        if place.like("clamp(_, _, _)") and goal[2] in beyond:
+    for goal, site in goal_sites:
+        if site.has_shape("clamp(_, _, _)") and goal[2] in impossible_outcomes:
             yield goal, f"the products of the formats round to at most {half_up(max(ends), p.shift)} in magnitude"
-        if place.like("half_up(_, _)") and goal[2] in ("half-1", "half+1") and p.shift > modulator.AMPLITUDE.width:
-            wanted = (1 << (p.shift - 1)) + (1 if goal[2] == "half+1" else -1)
-            least, most = min(ends) - wanted >> p.shift, max(ends) - wanted >> p.shift
-            sums = [wanted + (m << p.shift) for m in range(least, most + 1)]
+        if site.has_shape("half_up(_, _)") and goal[2] in ("half-1", "half+1") and p.shift > modulator.AMPLITUDE.width:
+            target_product = (1 << (p.shift - 1)) + (1 if goal[2] == "half+1" else -1)
+            least, most = min(ends) - target_product >> p.shift, max(ends) - target_product >> p.shift
+            sums = [target_product + (m << p.shift) for m in range(least, most + 1)]
             if not any(((abs(x) % factors == 0) & (abs(x) // factors <= 1 << 23)).any() for x in sums):
                 yield goal, "no product of the two formats has these low bits: all odd factors were tried"
 
 
-def _spi_dac_places(block, case, places):
+def _spi_dac_exclusions(block, case, goal_sites):
     p = block.cases[case]
     why, longest = f"lead = {p.lead}, gap = {p.gap}", max(p.lead, p.gap)
-    for goal, place in places:
-        if place.like("s.lead != 0") and goal[2] == "yes" and longest == 0:
+    for goal, site in goal_sites:
+        if site.has_shape("s.lead != 0") and goal[2] == "yes" and longest == 0:
             yield goal, why
-        if place.like("s.lead == 1") and (longest == 0 or (longest == 1 and goal[2] == "no")):
+        if site.has_shape("s.lead == 1") and (longest == 0 or (longest == 1 and goal[2] == "no")):
             yield goal, why
-        if place.like("s.left == 0") and (longest == 0 or (p.gap == 0 and goal[2] == "yes")):
+        if site.has_shape("s.left == 0") and (longest == 0 or (p.gap == 0 and goal[2] == "yes")):
             yield goal, why
-        if place.like("s.left == 1") and p.gap != 0:
+        if site.has_shape("s.left == 1") and p.gap != 0:
             yield goal, why
 
 
-def _sequencer_places(block, case, places):
+def _sequencer_exclusions(block, case, goal_sites):
     p = block.cases[case]
     at_most = (p.search_limit << sequencer.GAIN.f) // p.gain
     totals = [sign * total for total in range(at_most - 2, at_most + 4) for sign in (1, -1)]
-    near = {abs(half_up(total * p.gain, sequencer.GAIN.f)) for total in totals}
-    for goal, place in places:
-        if place.like("abs(correction) <= p.search_limit") and goal[2] in ("-1", "0", "+1"):
+    possible_corrections = {abs(half_up(total * p.gain, sequencer.GAIN.f)) for total in totals}
+    for goal, site in goal_sites:
+        if site.has_shape("abs(correction) <= p.search_limit") and goal[2] in ("-1", "0", "+1"):
             value = p.search_limit + int(goal[2])
-            if value not in near:
+            if value not in possible_corrections:
                 yield goal, f"a correction is a whole rotation times gain = {p.gain}, rounded: never {value}"
-    yield from _fault_places(block, case, places)
+    yield from _fault_exclusions(block, case, goal_sites)
 
 
-def _fault_places(block, case, places):
+def _fault_exclusions(block, case, goal_sites):
     p = block.cases[case]
-    for goal, place in places:
-        if place.function not in ("_count", "_flag"):
+    for goal, site in goal_sites:
+        if site.function not in ("_count", "_flag"):
             continue
-        limit = (p.faults if block.stem == "sequencer" else p)[place.copy - 1]
+        limit = (p.faults if block.stem == "sequencer" else p)[site.copy - 1]
         if (
-            place.function == "_count"
+            site.function == "_count"
             and goal[0] == "clamp"
             and int(goal[2][2:] or 0) + limit < 1
             and goal[2][:2] == "hi"
         ):
             yield goal, f"{COUNTS}; the limit is {limit}"
-        if place.function == "_flag" and goal[0] == "compare" and limit == 0:
+        if site.function == "_flag" and goal[0] == "compare" and limit == 0:
             yield goal, "the limit is 0, so the counts are not compared"
 
 
-def _register_places(block, case, places):
-    for goal, place in places:
-        if goal[2] != "over" or place.function != "_load" or not place.like("wrap_unsigned(_, _)"):
+def _register_exclusions(block, case, goal_sites):
+    for goal, site in goal_sites:
+        if goal[2] != "over" or site.function != "_load" or not site.has_shape("wrap_unsigned(_, _)"):
             continue
-        if registers.WRITABLE[place.copy - 1].fmt.width == registers.DATA.width:
+        if registers.WRITABLE[site.copy - 1].fmt.width == registers.DATA.width:
             yield goal, "the register is as wide as the data"
 
 
-def _sine_places(block, case, places):
+def _sine_exclusions(block, case, goal_sites):
     slopes = np.array(sine.tables()[1])
-    for goal, place in places:
-        if place.like("row >> slope_bits"):
+    for goal, site in goal_sites:
+        if site.has_shape("row >> slope_bits"):
             if goal[2] == "zero" and slopes.all():
                 yield goal, "no slope of the table is 0"
             if goal[2] == "ones" and (slopes != sine.SLOPE.hi).all():
                 yield goal, "no slope of the table is all ones"
 
 
-def _rate_output_places(block, case, places):
+def _rate_output_exclusions(block, case, goal_sites):
     t = np.arange(rate_output.T.lo, rate_output.T.hi + 1)
     square, cut = t * t, rate_output.T2_CUT
     low, odd, half = square & ((1 << cut) - 1), (square >> cut) & 1, 1 << (cut - 1)
     values = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": (1 << cut) - 1}
     met = {name for name, value in values.items() if (low == value).any()}
-    met |= {name for name, kept in (("tie+even", 0), ("tie+odd", 1)) if ((low == half) & (odd == kept)).any()}
-    for goal, place in places:
-        if place.like("half_up(s.t * s.t, _)") and goal[2] not in met:
+    met |= {name for name, parity in (("tie+even", 0), ("tie+odd", 1)) if ((low == half) & (odd == parity)).any()}
+    for goal, site in goal_sites:
+        if site.has_shape("half_up(s.t * s.t, _)") and goal[2] not in met:
             yield goal, "all temperatures were tried"
 
 
-def _sid_places(block, case, places):
+def _sid_exclusions(block, case, goal_sites):
     p = block.cases[case]
-    for goal, place in places:
+    for goal, site in goal_sites:
         if goal[0] != "round":
             continue
-        if place.like("half_up(alpha * (x - y), _)"):
+        if site.has_shape("half_up(alpha * (x - y), _)"):
             gain, name = p.alpha, "alpha"
         else:
-            gain, name = (p.gain_x, "gain_x") if place.function == "_code" and place.copy <= 2 else (p.gain_y, "gain_y")
+            gain, name = (p.gain_x, "gain_x") if site.function == "_code" and site.copy <= 2 else (p.gain_y, "gain_y")
         if gain % 2 == 0 and goal[2] in ("one", "half-1", "half+1", "ones"):
             yield goal, f"the product is a multiple of {gain & -gain}: {name} = {gain}"
 
 
-def _near_zero():
+def _has_sum_close_to_zero():
     """Whether some sum of the first k entries of the table, with any signs, is -1, 0 or 1."""
 
     def signed_sums(entries):
-        found = np.zeros(1, np.int64)
+        partial_sums = np.zeros(1, np.int64)
         for x in entries:
-            found = np.concatenate([found + x, found - x])
-        return np.sort(found)
+            partial_sums = np.concatenate([partial_sums + x, partial_sums - x])
+        return np.sort(partial_sums)
 
     for k in range(1, cordic.ITERATIONS + 1):
-        left, right = signed_sums(cordic.ATAN[: k // 2]), signed_sums(cordic.ATAN[k // 2 : k])
-        places = np.searchsorted(right, -1 - left)
-        nearest = right[np.minimum(places, len(right) - 1)] + left
+        first_half_sums, second_half_sums = signed_sums(cordic.ATAN[: k // 2]), signed_sums(cordic.ATAN[k // 2 : k])
+        insertion_indices = np.searchsorted(second_half_sums, -1 - first_half_sums)
+        nearest = second_half_sums[np.minimum(insertion_indices, len(second_half_sums) - 1)] + first_half_sums
         if ((nearest >= -1) & (nearest <= 1)).any():
             return True
     return False
 
 
-def _cordic_places(block, case, places):
+def _cordic_exclusions(block, case, goal_sites):
     sums = sum(1 for x in cordic.ATAN if x % 2)
-    turn = not _near_zero()
-    for goal, place in places:
-        if place.like("wrap(s.angle + turn if _ else _, _)") and turn and sum(cordic.ATAN) < cordic.ANGLE.hi:
+    turn = not _has_sum_close_to_zero()
+    for goal, site in goal_sites:
+        if site.has_shape("wrap(s.angle + turn if _ else _, _)") and turn and sum(cordic.ATAN) < cordic.ANGLE.hi:
             yield goal, "no sum of the first entries of the table, with any signs, is -1, 0 or 1: all were tried"
         # the last angle is the start, a multiple of the cut, plus or minus every entry of the table
-        if place.like("half_up(s.angle, _)"):
-            even = goal[2] in ("zero", *TIES)
-            if even == bool(sums % 2):
+        if site.has_shape("half_up(s.angle, _)"):
+            needs_zero_lsb = goal[2] in ("zero", *TIES)
+            if needs_zero_lsb == bool(sums % 2):
                 yield goal, f"the angle is a sum of all {cordic.ITERATIONS} table entries, {sums} of them odd"
 
 
 COMPUTED = {
-    "pi": _pi_places,
-    **dict.fromkeys(ERRORS, _pi_places),
-    "modulator": _modulator_places,
-    "spi_dac": _spi_dac_places,
-    "fault_monitor": _fault_places,
-    "sequencer": _sequencer_places,
-    "registers": _register_places,
-    "sine": _sine_places,
-    "rate_output": _rate_output_places,
-    "digital_sid": _sid_places,
-    "cordic": _cordic_places,
+    "pi": _pi_exclusions,
+    **dict.fromkeys(ERRORS, _pi_exclusions),
+    "modulator": _modulator_exclusions,
+    "spi_dac": _spi_dac_exclusions,
+    "fault_monitor": _fault_exclusions,
+    "sequencer": _sequencer_exclusions,
+    "registers": _register_exclusions,
+    "sine": _sine_exclusions,
+    "rate_output": _rate_output_exclusions,
+    "digital_sid": _sid_exclusions,
+    "cordic": _cordic_exclusions,
 }
 
 
-LEFT_OUT = {
+WAIVED_REGISTERS = {
     "fault_monitor": ("bad_frames", "good_frames"),
     "sequencer": ("timer", "faults_bad_frames", "faults_good_frames"),
 }
 
 
-def _at_timer(goal):
+def _is_timer_clamp(goal):
     case = next(iter(blocks.BLOCKS["sequencer"].cases))
-    return _places("sequencer", case)[goal[:2]].like("clamp(s.timer + 1, _, _)")
+    return _goal_sites("sequencer", case)[goal[:2]].has_shape("clamp(s.timer + 1, _, _)")
 
 
-def left_out(block, goal):
+def waiver_reason(block, goal):
     """Why a goal that can be met is not looked for, or None: upper bits of 16, and the top of the timer."""
-    for name in LEFT_OUT.get(block.stem, ()):
+    for name in WAIVED_REGISTERS.get(block.stem, ()):
         bit = int(goal[2].split()[1]) if goal[0] == "toggle" and goal[1] == name else 0
-        timer = name == "timer" and goal[0] == "clamp" and goal[2][:2] == "hi" and _at_timer(goal)
+        timer = name == "timer" and goal[0] == "clamp" and goal[2][:2] == "hi" and _is_timer_clamp(goal)
         if timer or bit >= fault_monitor.QUICK_TOP.bit_length():
             return f"left out: {name} takes up to 65535 frames to get there, more rows than a bundle has"
     return None
@@ -449,11 +449,11 @@ def left_out(block, goal):
 @functools.cache
 def _reasons(stem, case):
     block = blocks.BLOCKS[stem]
-    known = _places(stem, case)
-    places = [(goal, known[goal[:2]]) for goal in coverage.goals(block, case) if goal[0] != "toggle"]
-    parts = [_claimed(block, places), _steady(block, case)]
+    sites_by_goal = _goal_sites(stem, case)
+    goal_sites = [(goal, sites_by_goal[goal[:2]]) for goal in coverage.goals(block, case) if goal[0] != "toggle"]
+    parts = [_match_claims(block, goal_sites), _steady(block, case)]
     if block.stem in COMPUTED:
-        parts.append(COMPUTED[block.stem](block, case, places))
+        parts.append(COMPUTED[block.stem](block, case, goal_sites))
     return {goal: f"proved: {reason}" for part in parts for goal, reason in part}
 
 

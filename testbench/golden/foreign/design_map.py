@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from testbench.errors import FileError
 from testbench.golden.stimulus import levels
-from testbench.golden.stimulus.levels import told
+from testbench.golden.stimulus.levels import rtl_parameters
 from testbench.storage.inputs import read_toml
 
 SCHEMA = "gyro-design-map/1.0"
@@ -156,9 +156,9 @@ class _Reader:
         )
 
     def outputs(self, level):
-        every = levels.judged(self.manifest, "registers")
+        every = levels.compared_ports(self.manifest, "registers")
         named = {name: name for name, _ in every}
-        for ports in (every, levels.judged(self.manifest, level)):
+        for ports in (every, levels.compared_ports(self.manifest, level)):
             bare = [p["name"] for _, p in ports]
             named |= {p["name"]: name for name, p in ports if bare.count(p["name"]) == 1}
         listed = {}
@@ -168,7 +168,7 @@ class _Reader:
                 self.refuse(f"[outputs]: {name} and {named[name]} are the same port")
             listed[named[name]] = given
         found = []
-        for name, p in levels.judged(self.manifest, level):
+        for name, p in levels.compared_ports(self.manifest, level):
             port = self.port(f"[outputs] {name}", listed.get(name, name), p["width"])
             if not port.name:
                 self.refuse(f'[outputs] {name}: "" maps to nothing; level {level} judges this port')
@@ -176,10 +176,10 @@ class _Reader:
         return tuple(found)
 
     def parameters(self):
-        names = [name for name, _ in told(self.manifest)] + [p["name"] for p in self.manifest.get("params", [])]
+        names = [name for name, _ in rtl_parameters(self.manifest)] + [p["name"] for p in self.manifest.get("params", [])]
         names += levels.roms(self.manifest)
         used = [name for name in names if name not in self.manifest.get("unused_params", ())]
-        names += [p["name"] for p in levels.left_out(self.manifest)]
+        names += [p["name"] for p in levels.omitted_params(self.manifest)]
         listed = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))
         found = []
         for name, given in listed.items():

@@ -50,7 +50,7 @@ def read_latency(path, manifest, level):
             raise FileError(f"{path}: key: {key!r} is not one of schema, ports")
     if not isinstance(tree.get("ports", {}), dict):
         raise FileError(f"{path}: ports: {tree['ports']!r} is not a table of port = clocks")
-    found, ports = {}, levels.judged(manifest, level)
+    found, ports = {}, levels.compared_ports(manifest, level)
     if level == "registers" and tree.get("ports"):
         raise FileError(f"{path}: latency is of level pins or outputs: at level registers every register has its own")
     for name, clocks in tree.get("ports", {}).items():
@@ -79,7 +79,7 @@ def _free(reset):
 def judged(golden, level, style="sync", clocks=None):
     """`Judged` of a bundle that was read, at a level, for a design of this reset style and latency."""
     manifest, clocks = golden.manifest, clocks or {}
-    names = [name for name, _ in levels.judged(manifest, "registers")]
+    names = [name for name, _ in levels.compared_ports(manifest, "registers")]
     first, reset = 0, golden.stim[:, 0] != 0
     care = golden.mask != 0
     if style == "none":
@@ -93,7 +93,7 @@ def judged(golden, level, style="sync", clocks=None):
         golden.stim[:, 0], reset[:] = 0, False
     else:
         care = care.copy()
-    seen = {name for name, _ in levels.judged(manifest, level)}
+    seen = {name for name, _ in levels.compared_ports(manifest, level)}
     for column, name in enumerate(names):
         care[:, column] &= name in seen
         _shifted(care[:, column], reset, style, clocks.get(name, 0))
@@ -124,7 +124,7 @@ def aligned(found, columns, port):
 
 def late_rows(found):
     """(exp, mask) as the design shows them: each port `clocks` later, and no bit judged that `care` leaves out."""
-    golden, names = found.golden, [name for name, _ in levels.judged(found.golden.manifest, "registers")]
+    golden, names = found.golden, [name for name, _ in levels.compared_ports(found.golden.manifest, "registers")]
     exp, mask = golden.exp.copy(), np.where(found.care, golden.mask, 0)
     for column, name in enumerate(names):
         k = found.clocks.get(name, 0)

@@ -10,7 +10,7 @@ Source  docs/foreign_designs.md
 
 from testbench.errors import FileError
 from testbench.golden.stimulus import levels
-from testbench.golden.stimulus.levels import told
+from testbench.golden.stimulus.levels import rtl_parameters
 
 VERILOG, VHDL = "verilog", "vhdl"
 
@@ -90,13 +90,13 @@ class _Verilog:
 def _resting(manifest, found):
     """Entries of the parameters that the map lists and the bundle leaves at 0."""
     listed = {name for name, *_ in found.parameters}
-    return [p for p in levels.left_out(manifest) if p["name"] in listed]
+    return [p for p in levels.omitted_params(manifest) if p["name"] in listed]
 
 
 def verilog(manifest, found):
     """Text of the wrapper in Verilog-2005, of a `design_map.DesignMap`."""
     inputs, outputs = _design_ports(found)
-    given = [f"    parameter {name} = {value}" for name, value in told(manifest)]
+    given = [f"    parameter {name} = {value}" for name, value in rtl_parameters(manifest)]
     for p in (*levels.used_params(manifest), *_resting(manifest, found)):
         given.append(f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0")
     given += [f'    parameter {name} = ""' for name in levels.roms(manifest)]
@@ -208,7 +208,7 @@ def vhdl(manifest, found):
     inputs, outputs = _design_ports(found)
     resting = {p["name"]: p["fmt"] for p in _resting(manifest, found)}
     formats = {p["name"]: p["fmt"] for p in manifest.get("params", [])} | resting
-    given = [f"        {name} : natural" for name, _ in told(manifest)]
+    given = [f"        {name} : natural" for name, _ in rtl_parameters(manifest)]
     zero = {name: " := '0'" if sum(fmt) == 1 else " := (others => '0')" for name, fmt in resting.items()}
     given += [f"        {name} : {_type(sum(fmt))}{zero.get(name, '')}" for name, fmt in formats.items()]
     given += [f"        {name} : string" for name in levels.roms(manifest)]

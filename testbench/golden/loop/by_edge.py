@@ -48,7 +48,7 @@ def _tick(p, a, tick, pins, edges):
 
 
 @kernel
-def _samples(p, a, tick):
+def _sar_codes(p, a, tick):
     return plant.sar_code(p, a, tick, 0), plant.sar_code(p, a, tick, 1)
 
 
@@ -58,7 +58,7 @@ def _step(p, rom, s, i):
 
 
 @kernel
-def _pins(p, s):
+def _firmware_pins(p, s):
     return fpga.pins(p, s)
 
 
@@ -94,7 +94,7 @@ class Plant:
             _retune(p, a, self._rate_rad_s, self.chips.quadrature.code, self._temp_degc)
         self._given = int(a.sar[0]), int(a.sar[1])
         if self.firmware.digital:
-            a.sar[0], a.sar[1] = _samples(p, a, self.tick)
+            a.sar[0], a.sar[1] = _sar_codes(p, a, self.tick)
         sent = a.adc.clock[engine.CODES : engine.CODES + SENT]
         self._codes = (*map(int, sent), *[0] * (adc_serial.CHANNELS - SENT))
         self._drive_cycle = self._sense_cycle = -1
@@ -107,35 +107,35 @@ class Plant:
         if tick < len(self._writes):
             entry, raw = self._writes[tick]
             write, address, data = int(c == 0), entry.address, registers.to_bus(int(raw), entry.fmt)
-        given = fpga.Inputs(
+        design_inputs = fpga.Inputs(
             int(self.chips.adc.drdy_n), int(adc_serial.dout(self.chips.adc)), *self._given, write, address, data
         )
         masks = ((1 << fmt.width) - 1 for fmt in fpga.INPUTS_FMT)
-        return {name: value & mask for name, value, mask in zip(fpga.Inputs._fields, given, masks, strict=True)}
+        return {name: value & mask for name, value, mask in zip(fpga.Inputs._fields, design_inputs, masks, strict=True)}
 
     def edge(self, pins):
         """The converters, and at the end of a tick the gyroscope, after an edge that left these output pins."""
         clocks = self.design.tick_clocks
-        c, found = self.clock % clocks, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
+        c, output_pins = self.clock % clocks, fpga.Pins(**{name: int(pins[name]) for name in fpga.Pins._fields})
         ldacs = tuple(
             int(pins[f"r_{role}_dac_ldac_n"]) if getattr(self.params.chips, role).has_ldac else 1
             for role in ("drive", "quadrature")
         )
         loaded = int(c == self._drdy_cycle)
         word_bits = self.design.adc_word_bits
-        self.chips = _chips(self.params.chips, word_bits, self.chips, found, ldacs, loaded, STATUS, self._codes)
+        self.chips = _chips(self.params.chips, word_bits, self.chips, output_pins, ldacs, loaded, STATUS, self._codes)
         self._drive_cycle = c if self.chips.drive.updated else self._drive_cycle
         self._sense_cycle = c if self.chips.sense.updated else self._sense_cycle
-        changed, self._refs = found.refs ^ self._refs, found.refs
+        changed, self._refs = output_pins.refs ^ self._refs, output_pins.refs
         for d in range(4):
             if changed >> d & 1 and self._edge_count < engine.MAX_EDGES:
                 self._edges[self._edge_count] = c, d
                 self._edge_count += 1
         if c == clocks - 1:
-            moved = plant.Pins(
+            plant_pins = plant.Pins(
                 self.chips.drive.code, self._drive_cycle, self.chips.sense.code, self._sense_cycle, self._edge_count
             )
-            self._drdy_cycle = _tick(self.params.plant, self._analog, self.tick, moved, self._edges)
+            self._drdy_cycle = _tick(self.params.plant, self._analog, self.tick, plant_pins, self._edges)
         self.clock += 1
         if self.clock % clocks == 0:
             self._begin_tick()
@@ -146,12 +146,12 @@ class Model:
 
     def __init__(self, plant):
         self._params, self._rom = plant.firmware, plant.params.rom
-        self._masks = tuple((1 << fmt.width) - 1 for fmt in library.formats_of(plant.design))
+        self._masks = tuple((1 << fmt.width) - 1 for fmt in library.port_formats(plant.design))
         self.state = fpga.reset(self._params.design)
 
     def expected(self):
         """{port of gyro_top: unsigned value} of every register and output pin before the next edge."""
-        values = [value for _, value in leaves(self.state)] + list(_pins(self._params, self.state))
+        values = [value for _, value in leaves(self.state)] + list(_firmware_pins(self._params, self.state))
         return {port: int(v) & mask for port, v, mask in zip(library.PORTS, values, self._masks, strict=True)}
 
     def edge(self, inputs):

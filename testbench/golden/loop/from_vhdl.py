@@ -19,7 +19,7 @@ CASE = re.compile(r"^    case \((\w+)\)\n((?:      .*\n)+)    endcase\n", re.M)
 OTHERS = re.compile(r"^  with (\w+) select (\w+) <=\n(?:    .*,\n)*    (.+) when others;\n", re.M)
 
 
-def _value(text):
+def _verilog_literal(text):
     """A literal or a net of VHDL in Verilog; None for anything else."""
     literal = re.fullmatch("(?:'(.)'|\"(.+)\")", text)
     if literal is None:
@@ -28,46 +28,46 @@ def _value(text):
     return f"{len(bits)}'b{bits}"
 
 
-def repaired(verilog, vhdl):
+def repair_netlist(verilog, vhdl):
     """The Verilog of a netlist with sized constants, and with the `when others` that each `case` has in the VHDL of it.
 
     GHDL 2.0 writes constants of more than 32 bits as text, and leaves `when others` out (its issues 2002 and 2041).
     ValueError if both texts are not of one netlist
     """
-    others = iter(OTHERS.findall(vhdl))
+    default_branches = iter(OTHERS.findall(vhdl))
 
-    def whole(found):
-        selector, branches = found[1], found[2]
+    def complete_case(case_match):
+        selector, branches = case_match[1], case_match[2]
         if "      default:" in branches:
-            return found[0]
+            return case_match[0]
         net = branches.split(" <= ")[0].split()[-1]
-        *names, value = next(others, (None, None, ""))
-        if names != [selector, net] or _value(value) is None:
+        *names, value = next(default_branches, (None, None, ""))
+        if names != [selector, net] or _verilog_literal(value) is None:
             raise ValueError(f"no `when others` of {net} is known")
-        return f"    case ({selector})\n{branches}      default: {net} <= {_value(value)};\n    endcase\n"
+        return f"    case ({selector})\n{branches}      default: {net} <= {_verilog_literal(value)};\n    endcase\n"
 
-    return CASE.sub(whole, BITS.sub(lambda found: f"{len(found[1])}'b{found[1]}", verilog))
+    return CASE.sub(complete_case, BITS.sub(lambda found: f"{len(found[1])}'b{found[1]}", verilog))
 
 
-def of_vhdl(found, name, folder, what):
+def synthesise_vhdl(design_sources, name, folder, what):
     """Verilog of `sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
     if shutil.which("ghdl") is None:
         raise ConfigError("ghdl: not installed; the loop takes a design in VHDL by its synthesis")
     if name != name.lower():
         raise FileError(f"{what}: {name}: GHDL writes names in lower case: call the top {name.lower()}")
-    place = Path(folder).resolve() / "vhdl"
-    shutil.rmtree(place, ignore_errors=True)
-    place.mkdir(parents=True)
-    libraries = [library or "work" for library in found.libraries]
-    for path, library in zip(found.files, libraries, strict=True):
-        run_tool(["ghdl", "-a", "--std=08", f"--work={library}", path], place, what)
+    work_folder = Path(folder).resolve() / "vhdl"
+    shutil.rmtree(work_folder, ignore_errors=True)
+    work_folder.mkdir(parents=True)
+    libraries = [library or "work" for library in design_sources.libraries]
+    for path, library in zip(design_sources.files, libraries, strict=True):
+        run_tool(["ghdl", "-a", "--std=08", f"--work={library}", path], work_folder, what)
     # an entity that is missing would be a module whose outputs rest
     command = f"ghdl --synth --std=08 -Werror=binding --work={libraries[-1]}".split()
-    verilog, vhdl = (run_tool([*command, f"--out={form}", name], place, what) for form in ("verilog", "raw-vhdl"))
+    verilog, vhdl = (run_tool([*command, f"--out={form}", name], work_folder, what) for form in ("verilog", "raw-vhdl"))
     try:
-        write_text(place / "design.v", repaired(verilog, vhdl))
+        write_text(work_folder / "design.v", repair_netlist(verilog, vhdl))
     except ValueError as problem:
         raise FileError(
             f"{what}: {name}: the Verilog of GHDL's synthesis has a case without default: {problem}"
         ) from None
-    return place / "design.v"
+    return work_folder / "design.v"

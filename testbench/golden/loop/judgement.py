@@ -43,12 +43,12 @@ def detection():
     return json.loads(DETECTION.read_text())
 
 
-def not_shown():
+def pass_caveat():
     """What a PASS does not show, with the kinds of planted faults that a loop missed."""
-    found = detection()
-    missed = sorted((seen / planted, kind, planted, seen) for kind, (planted, seen) in found["kinds"].items())
-    listed = ", ".join(f"{kind} {seen} of {planted}" for _, kind, planted, seen in missed if seen < planted)
-    return f"{NOT_SHOWN} Of {found['faults']} planted faults a loop of pins saw {found['seen']}: {listed}."
+    planted_counts = detection()
+    missed = sorted((detected / planted, kind, planted, detected) for kind, (planted, detected) in planted_counts["kinds"].items())
+    missed_text = ", ".join(f"{kind} {detected} of {planted}" for _, kind, planted, detected in missed if detected < planted)
+    return f"{NOT_SHOWN} Of {planted_counts['faults']} planted faults a loop of pins saw {planted_counts['seen']}: {missed_text}."
 
 
 class Line(NamedTuple):
@@ -73,11 +73,11 @@ class Line(NamedTuple):
         return PASSED if abs(self.difference) <= self.limit else FAILED
 
     @property
-    def found_95(self):
+    def detectable_deviation(self):
         return self.limit + POWER * self.sigma
 
     def to_dict(self):
-        return {**self._asdict(), "verdict": self.verdict, "found_95": self.found_95}
+        return {**self._asdict(), "verdict": self.verdict, "found_95": self.detectable_deviation}
 
 
 class Verdict(NamedTuple):
@@ -99,7 +99,7 @@ class Verdict(NamedTuple):
             "frequency_hz": self.frequency_hz,
             "clocks_late": self.clocks,
             "lines": [line.to_dict() for line in self.lines],
-            "not_shown": not_shown(),
+            "not_shown": pass_caveat(),
         }
 
     def text(self):
@@ -109,24 +109,24 @@ class Verdict(NamedTuple):
         rows += [
             (
                 f"{line.what} ({line.unit})", f"{line.model:.6g}", f"{line.yours:.6g}", f"{line.difference:+.3g}",
-                f"{line.sigma:.1g}", f"{line.limit:.2g}", f"{line.found_95:.2g}",
+                f"{line.sigma:.1g}", f"{line.limit:.2g}", f"{line.detectable_deviation:.2g}",
                 "" if line.budget is None else f"{line.budget:.4f}", line.verdict,
             )
             for line in self.lines
         ]  # fmt: skip
-        listed = ["  {:<32}{:>10}{:>10}{:>12}{:>9}{:>9}{:>12}{:>9}  {}".format(*row).rstrip() for row in rows]
-        late = ", ".join(f"{name} {count:+.2f}" for name, count in self.clocks.items())
+        table_lines = ["  {:<32}{:>10}{:>10}{:>12}{:>9}{:>9}{:>12}{:>9}  {}".format(*row).rstrip() for row in rows]
+        lag_text = ", ".join(f"{name} {count:+.2f}" for name, count in self.clocks.items())
         return "\n".join(
             [
                 f"JUDGED {'PASS' if self.passed else 'FAIL'}, as a board is:",
-                *listed,
-                f"Clocks of 26 MHz later than the model: {late}.",
-                not_shown(),
+                *table_lines,
+                f"Clocks of 26 MHz later than the model: {lag_text}.",
+                pass_caveat(),
             ]
         )
 
 
-def limits_of(config, firmware):
+def lock_limits(config, firmware):
     """`pin_meter.Limits` of a configuration."""
     lock = firmware.control.sequencer.lock
     words = dict(build.register_writes(config))
@@ -134,13 +134,13 @@ def limits_of(config, firmware):
     return pin_meter.Limits(lock.limit_in, lock.limit_out, lock.frames_in, words["amplitude_setpoint"] / gain)
 
 
-def _sigma(values):
+def _mean_sigma(values):
     """Standard deviation of the mean of correlated values."""
     shares = [part.sum() for part in np.array_split((values - values.mean()) / len(values), SHARES)]
     return sum_sigma(np.array(shares))
 
 
-def _line(rates, means, sigmas):
+def _fit_rate_line(rates, means, sigmas):
     """Slope and offset through points with sigmas, weighted, and the sigma of each."""
     weights = 1 / np.maximum(sigmas, LEAST_SIGMA_DPS)
     basis = np.stack([np.array(rates), np.ones(len(rates))], axis=1) * weights[:, None]
@@ -153,20 +153,20 @@ def _rates(model, yours, stretches):
     rates = [plateau.rate_dps for plateau in stretches]
     basis = np.stack([np.array(rates), np.ones(len(rates))], axis=1)
     slope, offset = np.linalg.lstsq(basis, np.array([ratio.mean() for ratio in model.ratio]), rcond=None)[0]
-    own, other = (
+    model_rates_dps, design_rates_dps = (
         [(ratio * np.conj(slope)).real / abs(slope) ** 2 for ratio in run.ratio] for run in (model, yours)
     )  # fmt: skip
-    paired = [b - a for a, b in zip(own, other, strict=True)]
-    sigmas = [_sigma(d) for d in paired]
-    (gain, shift), (gain_sigma, shift_sigma) = _line(rates, [d.mean() for d in paired], sigmas)
+    paired = [b - a for a, b in zip(model_rates_dps, design_rates_dps, strict=True)]
+    sigmas = [_mean_sigma(d) for d in paired]
+    (gain, shift), (gain_sigma, shift_sigma) = _fit_rate_line(rates, [d.mean() for d in paired], sigmas)
     bias = float((offset * np.conj(slope)).real / abs(slope) ** 2)
     quiet = int(np.argmin(np.abs(rates)))
-    a, b = own[quiet], other[quiet]
+    a, b = model_rates_dps[quiet], design_rates_dps[quiet]
     # paired samples: the ratio of their spreads is known the better the more they are alike (Pitman 1939)
-    alike = float(np.corrcoef(a, b)[0, 1])
-    mean_sigma = _sigma(a)
+    correlation = float(np.corrcoef(a, b)[0, 1])
+    mean_sigma = _mean_sigma(a)
     count = float(np.clip((a.std() / mean_sigma) ** 2 if mean_sigma else len(a), 4, len(a)))
-    noise, noise_sigma = float(b.std() / a.std() - 1), math.sqrt(max(1 - alike**2, 0.0) / (count - 2))
+    noise, noise_sigma = float(b.std() / a.std() - 1), math.sqrt(max(1 - correlation**2, 0.0) / (count - 2))
     return [
         Line("scale factor, of the model's", "1", 1.0, 1.0 + float(gain), float(gain), float(gain_sigma), LIMIT_SCALE),
         Line("bias", "deg/s", bias, bias + float(shift), float(shift), float(shift_sigma), LIMIT_BIAS_DPS),
@@ -194,15 +194,15 @@ def judge(config, firmware, model, yours, stretches):
     clocks = {}
     for name in pin_meter.NODES:
         analog = sum(row.degrees for row in planned.rows[name] if row.what.startswith(ANALOG))
-        late = float(wrap_deg(yours.lag_deg[name] - model.lag_deg[name]))
+        lag_difference_deg = float(wrap_deg(yours.lag_deg[name] - model.lag_deg[name]))
         sigma = math.hypot(model.lag_sigma_deg[name], yours.lag_sigma_deg[name])
         first = float(wrap_deg(model.lag_deg[name] + analog))
-        clocks[name] = late / per_clock
+        clocks[name] = lag_difference_deg / per_clock
         lines.append(
-            Line(name, "deg", first, first + late, late, sigma, LIMIT_CLOCKS * per_clock, planned.node_deg()[name])
+            Line(name, "deg", first, first + lag_difference_deg, lag_difference_deg, sigma, LIMIT_CLOCKS * per_clock, planned.node_deg()[name])
         )
     um, larger = 1e6 * float(model.amplitude_m.mean()), 1e6 * (yours.amplitude_m - model.amplitude_m)
-    more, sigma = float(larger.mean()), _sigma(larger)
+    more, sigma = float(larger.mean()), _mean_sigma(larger)
     lines.append(Line("amplitude", "um", um, um + more, more, sigma, LIMIT_AMPLITUDE * um))
     lines += _rates(model, yours, stretches)
     return Verdict(tuple(lines), f, clocks, True)

@@ -33,7 +33,7 @@ from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
 from testbench.golden.foreign import design_map, wrapper
 from testbench.golden.foreign.sources import of_list
-from testbench.golden.loop.from_vhdl import of_vhdl
+from testbench.golden.loop.from_vhdl import synthesise_vhdl
 from testbench.golden.recording import board, board_pins
 from testbench.golden.stimulus.blocks import RESET_INPUT, flat
 from testbench.storage.files import write_text
@@ -83,59 +83,59 @@ def _mask(fmt):
     return (1 << fmt.width) - 1
 
 
-def formats_of(design):
+def port_formats(design):
     """Formats of registers and pins, in the order of NAMES."""
     return (*(fmt for _, fmt in format_leaves(formats(top.State, design))), *top.PINS_FMT)
 
 
-def _inputs():
+def _bench_input_ports():
     widths = {CLOCK: 1, RESET_INPUT: 1} | {n: f.width for n, f in zip(top.Inputs._fields, top.INPUTS_FMT, strict=True)}
     return {name: (name, width) for name, width in widths.items()}
 
 
-def of_registers(design):
+def register_face(design):
     """`Face` of gyro_top: every register is a port."""
-    ports = zip(PORTS, formats_of(design), strict=True)
-    return Face(TOP, _inputs(), tuple((k, *port) for k, port in enumerate(ports)), PORTS[len(REGISTERS) :], LDACS)
+    ports = zip(PORTS, port_formats(design), strict=True)
+    return Face(TOP, _bench_input_ports(), tuple((k, *port) for k, port in enumerate(ports)), PORTS[len(REGISTERS) :], LDACS)
 
 
-def of_pins(name, params, chips):
+def pin_face(name, params, chips):
     """`Face` of a top called `name` that has the pins of the board alone; `params` and `chips` of the board."""
     ports = PORTS[len(REGISTERS) :]
     seen = tuple((len(REGISTERS) + k, *port) for k, port in enumerate(zip(ports, top.PINS_FMT, strict=True)))
     ldacs = tuple(f"o_{role}_ldac_n" if getattr(chips, role).has_ldac else None for role in ("drive", "quadrature"))
     read = {NAMES.index(data): tuple(map(NAMES.index, chip)) for data, chip in board_pins.READ.items()}
-    return Face(name, _inputs(), seen, ports, ldacs, UNUSED["digital" if params.digital else "analog"], read)
+    return Face(name, _bench_input_ports(), seen, ports, ldacs, UNUSED["digital" if params.digital else "analog"], read)
 
 
-def _differs(face, place, fmt, texts):
+def _differs(face, signal_index, fmt, texts):
     """Text of whether what a place shows is not that of `row`; `texts` are {place: text of its port}."""
-    text = f"((uint64_t)row[{place}] & {_mask(fmt):#x}u) ^ {texts[place]}"
-    if place not in face.read:
+    text = f"((uint64_t)row[{signal_index}] & {_mask(fmt):#x}u) ^ {texts[signal_index]}"
+    if signal_index not in face.read:
         return text
-    select_n, running = (texts[other] for other in face.read[place])
+    select_n, running = (texts[other] for other in face.read[signal_index])
     return f"{select_n} || !{running} ? 0 : {text}"
 
 
-def driver(face, known):
-    """Text of the C++ around Verilator's class; `known` are the ports that the top has."""
+def driver(face, top_ports):
+    """Text of the C++ around Verilator's class; `top_ports` are the ports that the top has."""
 
-    given = "\n".join(
+    input_assignments = "\n".join(
         f"    top.{port} = in[{k}];"
-        for k, port in enumerate(face.inputs[name][0] for name in INPUTS) if port in known
+        for k, port in enumerate(face.inputs[name][0] for name in INPUTS) if port in top_ports
     )  # fmt: skip
     bits = [(f"top.{port}", at) for port, at in zip(face.pins, PIN_AT, strict=True)]
     bits += [("1" if name is None else f"top.{name}", LDACS_AT + k) for k, name in enumerate(face.ldacs)]
     packed = " |\n           ".join(f"(int64_t){text} << {at}" for text, at in bits)
-    seen = [(k, f"top.{port}", fmt) for k, port, fmt in face.seen]
-    texts = {k: text for k, text, _ in seen}
-    wrong = [(k, _differs(face, k, fmt, texts)) for k, _, fmt in seen]
+    compared_ports = [(k, f"top.{port}", fmt) for k, port, fmt in face.seen]
+    texts = {k: text for k, text, _ in compared_ports}
+    wrong = [(k, _differs(face, k, fmt, texts)) for k, _, fmt in compared_ports]
     tests = "\n".join(f"    d |= {text};" for _, text in wrong)
-    found = "\n".join(f"    if ({text}) return {k};" for k, text in wrong)
+    return_statements = "\n".join(f"    if ({text}) return {k};" for k, text in wrong)
     reads = "\n".join(
         f"    row[{k}] = " + (f"(int64_t)((uint64_t){text} << {64 - fmt.width}) >> {64 - fmt.width};" if fmt.s
                               else f"(int64_t){text};")
-        for k, text, fmt in seen
+        for k, text, fmt in compared_ports
     )  # fmt: skip
     clock = face.inputs[CLOCK][0]
     return f"""// Generated: one edge, comparison and read-out of {face.top}
@@ -170,7 +170,7 @@ void gyro_delete(int64_t handle) {{
 
 int64_t gyro_edge(int64_t handle, const int64_t* in) {{
     {CLASS}& top = ((Design*)handle)->top;
-{given}
+{input_assignments}
     top.{clock} = 0;
     top.eval();
     top.{clock} = 1;
@@ -183,7 +183,7 @@ int64_t gyro_differs(int64_t handle, const int64_t* row) {{
     uint64_t d = 0;
 {tests}
     if (!d) return -1;
-{found}
+{return_statements}
     return -1;
 }}
 
@@ -196,7 +196,7 @@ int64_t gyro_read(int64_t handle, int64_t* row) {{
 """
 
 
-def pins_of(words):
+def unpack_pin_rows(words):
     """(rows, PINS) of words that `gyro_edge` has returned."""
     masks = [15 if name == "refs" else 1 for name in PINS]
     return np.stack([(words >> at) & mask for at, mask in zip(PIN_AT, masks, strict=True)], axis=1)
@@ -207,26 +207,26 @@ def check_ports(face, declared, what):
 
     declared  {port: (IN or OUT, width)} of the top
     """
-    wanted = {port: ("IN", width) for port, width in face.inputs.values()}
-    wanted |= {port: ("OUT", fmt.width) for _, port, fmt in face.seen}
-    wanted |= {port: ("OUT", 1) for port in face.ldacs if port}
+    required_ports = {port: ("IN", width) for port, width in face.inputs.values()}
+    required_ports |= {port: ("OUT", fmt.width) for _, port, fmt in face.seen}
+    required_ports |= {port: ("OUT", 1) for port in face.ldacs if port}
     optional = {face.inputs[name][0] for name in face.optional}
-    absent = sorted(set(wanted) - set(declared) - optional)
+    absent = sorted(set(required_ports) - set(declared) - optional)
     if absent:
         raise FileError(f"{what}: port {', '.join(absent)} is missing")
-    for port, (way, width) in wanted.items():
+    for port, (way, width) in required_ports.items():
         if port in declared and declared[port] != (way, width):
-            found = f"{declared[port][0].lower()}put of {declared[port][1]} bits"
-            raise FileError(f"{what}: port {port}: is an {found}, not an {way.lower()}put of {width}")
-    undriven = sorted(port for port, (way, _) in declared.items() if way == "IN" and port not in wanted)
+            actual_port = f"{declared[port][0].lower()}put of {declared[port][1]} bits"
+            raise FileError(f"{what}: port {port}: is an {actual_port}, not an {way.lower()}put of {width}")
+    undriven = sorted(port for port, (way, _) in declared.items() if way == "IN" and port not in required_ports)
     if undriven:
         raise FileError(f"{what}: input {', '.join(undriven)} is no pin of the board")
 
 
-def _declared(header):
+def _parse_header_ports(header):
     """{port: (IN or OUT, width)} of the class that Verilator wrote."""
-    found = DECLARED.findall(Path(header).read_text())
-    return {name: (way, int(high) - int(low) + 1) for way, name, high, low in found}
+    port_matches = DECLARED.findall(Path(header).read_text())
+    return {name: (way, int(high) - int(low) + 1) for way, name, high, low in port_matches}
 
 
 def sources(rtl):
@@ -242,23 +242,23 @@ def manifest(face):
     inputs = [
         {"name": n, "width": w, "signed": n.startswith("sample")} for n, (_, w) in face.inputs.items() if n != CLOCK
     ]
-    shown = {port: fmt.width for _, port, fmt in face.seen} | {port: 1 for port in face.ldacs if port}
-    outputs = [{"name": port.removeprefix("o_"), "width": width, "signed": 0} for port, width in shown.items()]
-    levels = {"pins": list(shown), "outputs": list(shown)}
+    output_widths = {port: fmt.width for _, port, fmt in face.seen} | {port: 1 for port in face.ldacs if port}
+    outputs = [{"name": port.removeprefix("o_"), "width": width, "signed": 0} for port, width in output_widths.items()]
+    levels = {"pins": list(output_widths), "outputs": list(output_widths)}
     return {"block": "board", "case": "loop", "inputs": inputs, "registers": [], "outputs": outputs, "levels": levels,
             "sha256": {}}  # fmt: skip
 
 
-def mapped(face, path, top, folder):
+def write_map_wrapper(face, path, top, folder):
     """(face, Verilog file in `folder`, module) of a wrapper around a design whose ports a map names.
 
     top  name of the design, before that of the map
     """
-    listed = manifest(face)
-    given = design_map.read(path, listed, "pins", top)
-    made = Path(folder).resolve() / "wrapper.v"
-    write_text(made, wrapper.verilog(listed, given))
-    return face._replace(top=wrapper.name_of(listed)), made, given.top
+    port_manifest = manifest(face)
+    port_map = design_map.read(path, port_manifest, "pins", top)
+    wrapper_path = Path(folder).resolve() / "wrapper.v"
+    write_text(wrapper_path, wrapper.verilog(port_manifest, port_map))
+    return face._replace(top=wrapper.name_of(port_manifest)), wrapper_path, port_map.top
 
 
 def user_sources(rtl, name, files=None, folder="."):
@@ -268,37 +268,37 @@ def user_sources(rtl, name, files=None, folder="."):
     """
     rtl = Path(rtl).resolve()
     if files is not None:
-        found = of_list(files)
-        if found.language == "vhdl":
-            return [of_vhdl(found, name, folder, files)]
-        return [*(f"-I{path}" for path in found.includes), *(f"-D{text}" for text in found.defines), *found.files]
-    found = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
-    if not found:
+        design_sources = of_list(files)
+        if design_sources.language == "vhdl":
+            return [synthesise_vhdl(design_sources, name, folder, files)]
+        return [*(f"-I{path}" for path in design_sources.includes), *(f"-D{text}" for text in design_sources.defines), *design_sources.files]
+    design_sources = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
+    if not design_sources:
         hint = "; of VHDL a list (--files) says the order" if [*rtl.glob("*.vhd"), *rtl.glob("*.vhdl")] else ""
         raise FileError(
             f"{rtl}: no design: {name} is looked for in its files {' and '.join(f'*{s}' for s in SUFFIXES)}{hint}"
         )
-    return [f"-I{rtl}", *map(str, found)]
+    return [f"-I{rtl}", *map(str, design_sources)]
 
 
-def build(rtl, params, folder, level=2, face=None, listed=None):
+def build(rtl, params, folder, level=2, face=None, source_arguments=None):
     """Compile the design in folder `rtl` with `params` (fpga_model.top.Params); returns the path of the library.
 
     level   of the C++ compiler's optimisation; 0 for a short run: the build is most of it
     face    of a top with the pins of the board alone, which takes no parameters; gyro_top if None
-    listed  arguments of Verilator that are its sources (`user_sources`)
+    source_arguments  arguments of Verilator that are its sources (`user_sources`)
     Raises ConfigError for a missing tool, FileError for a missing design, a wrong port or whatever a tool says.
     """
     for name in TOOLS:
         if shutil.which(name) is None:
             raise ConfigError(f"{name}: not installed; the loop around RTL needs {', '.join(TOOLS)}")
-    folder, given = Path(folder).resolve(), []
+    folder, parameter_options = Path(folder).resolve(), []
     if face is None:
-        face, listed = of_registers(params.design), sources(rtl)
-        what = listed[-1]
+        face, source_arguments = register_face(params.design), sources(rtl)
+        what = source_arguments[-1]
         folder.mkdir(parents=True, exist_ok=True)
-        given = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.settings(params)]
-        given += [f'-G{name}="{path}"' for name, path in board.write_roms(folder, params.design).items()]
+        parameter_options = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.top_parameters(params)]
+        parameter_options += [f'-G{name}="{path}"' for name, path in board.write_roms(folder, params.design).items()]
     else:
         what = f"{rtl}: {face.top}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -308,8 +308,8 @@ def build(rtl, params, folder, level=2, face=None, listed=None):
         f"-CFLAGS -fPIC -CFLAGS -DVL_USER_FATAL -LDFLAGS -shared --top-module {face.top} --prefix {CLASS}".split()
     )
     command += "--Mdir built -o gyro_top.so".split()
-    run_tool([*command, *given, *listed, "driver.cpp"], folder, str(what))
-    declared = _declared(folder / "built" / f"{CLASS}.h")
+    run_tool([*command, *parameter_options, *source_arguments, "driver.cpp"], folder, str(what))
+    declared = _parse_header_ports(folder / "built" / f"{CLASS}.h")
     check_ports(face, declared, what)
     (folder / "driver.cpp").write_text(driver(face, declared))
     optimised = [f"OPT_FAST=-O{level}", "OPT_SLOW=-O0", f"OPT_GLOBAL=-O{level}"]
@@ -327,7 +327,7 @@ class Design:
     """
 
     def __init__(self, path, face=None, folder="."):
-        self.places, self._folder = ALL if face is None else tuple(place for place, _, _ in face.seen), folder
+        self.places, self._folder = ALL if face is None else tuple(signal_index for signal_index, _, _ in face.seen), folder
         self._data = {} if face is None else face.read
         self._library = ctypes.CDLL(str(path))
         for name in ("gyro_edge", "gyro_differs", "gyro_read"):
@@ -345,15 +345,15 @@ class Design:
 
     def reset(self):
         """As every bench does: `rst` over two edges."""
-        given = np.zeros(len(INPUTS), np.int64)
-        given[INPUTS.index(RESET_INPUT)] = given[INPUTS.index("drdy_n")] = 1
+        reset_inputs = np.zeros(len(INPUTS), np.int64)
+        reset_inputs[INPUTS.index(RESET_INPUT)] = reset_inputs[INPUTS.index("drdy_n")] = 1
         with contextlib.chdir(self._folder):  # its first evaluation reads the tables
             for _ in range(benches.RESET_CYCLES):
-                self.pins = self.step(given)
+                self.pins = self.step(reset_inputs)
 
-    def step(self, given):
+    def step(self, edge_inputs):
         """One edge with inputs as in INPUTS, int64; returns what `gyro_edge` does."""
-        return self._library.gyro_edge(self.handle, given.ctypes.data)
+        return self._library.gyro_edge(self.handle, edge_inputs.ctypes.data)
 
     def read(self):
         """Registers and pins, in the order of NAMES; 0 in places that the design does not show."""

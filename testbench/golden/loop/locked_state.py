@@ -15,7 +15,7 @@ from testbench import flatten
 from testbench.golden.loop import library
 
 
-def _check(sim):
+def _check_base_plant(sim):
     """The plant in C++ is the base plant, and LOCKED; ValueError for anything else."""
     p, a = sim.params.fpga, sim.params.plant
     wrong = {
@@ -30,12 +30,12 @@ def _check(sim):
         "a gyroscope that is not locked": not sim.locked,
         "a tick that begins no frame": sim.tick % FRAME_TICKS,
     }
-    for what, found in wrong.items():
-        if found:
+    for what, is_present in wrong.items():
+        if is_present:
             raise ValueError(f"the plant in C++ leaves out: {what}")
 
 
-def _words(sim, rate_rad_s):
+def _state_words(sim, rate_rad_s):
     """The words of state.bin, in the order of Board::load."""
     f, s, p, chips = sim.state.fpga, sim.state.plant, sim.params.plant, sim.state.chips
     t = p.tables
@@ -76,7 +76,7 @@ def _words(sim, rate_rad_s):
     yield from (noise.IH4_SCALE, noise.IH12_SCALE)
 
 
-def place_of(name):
+def hierarchical_name(name):
     """Where a register of the model stands below `gyro_board`: blocks are instances, an index is part of the name."""
     *blocks, last = name.split(".")
     if last.isdigit():
@@ -86,17 +86,17 @@ def place_of(name):
 
 def from_state(text, more=()):
     """Verilog of a `gyro_board` that begins with the registers of state.hex; `more` are statements there."""
-    loads = [f"    {place_of(name)} = loaded[{k}];" for k, name in enumerate(library.REGISTERS)]
+    loads = [f"    {hierarchical_name(name)} = loaded[{k}];" for k, name in enumerate(library.REGISTERS)]
     state = [f"reg [63:0] loaded [0:{len(loads) - 1}];", "initial begin", '    $readmemh("state.hex", loaded);', *loads]
     return text.replace("\nendmodule", "\n" + "\n".join([*state, *more, "end", "", "endmodule"]))
 
 
 def write_state(sim, rate_rad_s, folder):
     """Write the present state of a locked `Simulation` to `folder`: state.bin, state.hex."""
-    _check(sim)
-    words = list(_words(sim, rate_rad_s))
+    _check_base_plant(sim)
+    words = list(_state_words(sim, rate_rad_s))
     raw = b"".join(np.array(w, "<f8" if isinstance(w, float) else "<i8").tobytes() for w in words)
-    formats = library.formats_of(sim.design)[: len(library.REGISTERS)]  # without the pins
+    formats = library.port_formats(sim.design)[: len(library.REGISTERS)]  # without the pins
     registers = zip(flatten.leaves(sim.state.fpga), formats, strict=True)
     state = [f"{int(value) & ((1 << fmt.width) - 1):x}" for (_, value), fmt in registers]
     folder.mkdir(parents=True, exist_ok=True)

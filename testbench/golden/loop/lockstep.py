@@ -54,14 +54,14 @@ class Rtl(NamedTuple):
     count: np.ndarray  # int64 (1,): conversions
 
 
-def rtl_of(design, mode=BESIDE):
+def connect_rtl(design, mode=BESIDE):
     """`Rtl` of a design that has just been reset; None for mode MODEL."""
-    given, rows = np.zeros(GIVEN, np.int64), np.zeros((KEPT, PLACES), np.int64)
-    place = (0, 0, 0) if design is None else (design.handle, design.edge, design.differs)
+    edge_inputs, rows = np.zeros(GIVEN, np.int64), np.zeros((KEPT, PLACES), np.int64)
+    design_handles = (0, 0, 0) if design is None else (design.handle, design.edge, design.differs)
     pins = 0 if design is None else design.pins
-    found = np.array([-1, -1, pins, 0], np.int64)
+    comparison_state = np.array([-1, -1, pins, 0], np.int64)
     none = np.zeros((0, CONVERSION), np.int64), np.zeros((0, 2), np.int64), np.zeros(1, np.int64)
-    return Rtl(*place, given, rows, found, np.full(2, -1, np.int64), mode, *none)
+    return Rtl(*design_handles, edge_inputs, rows, comparison_state, np.full(2, -1, np.int64), mode, *none)
 
 
 def _call_python(address, handle, array):
@@ -89,7 +89,7 @@ else:
 
 
 @inlined
-def _unpacked(word):
+def _unpack_pins(word):
     """`fpga.Pins` of the word that `gyro_edge` returns: a bit for each pin at its place, the four of refs behind."""
     return fpga.Pins(
         word & 1,
@@ -109,22 +109,22 @@ def _unpacked(word):
 
 
 @inlined
-def _packed(shown, ldacs):
+def _pack_pins(pins, ldacs):
     """The word that `gyro_edge` would return for `fpga.Pins` and both LDACS."""
     return (
-        shown.adc_cs_n
-        | (shown.adc_sclk << 1)
-        | (shown.refs << REFS_AT)
-        | (shown.drive_sync_n << 3)
-        | (shown.drive_sclk_en << 4)
-        | (shown.drive_sdin << 5)
-        | (shown.sense_sync_n << 6)
-        | (shown.sense_sclk_en << 7)
-        | (shown.sense_sdin << 8)
-        | (shown.sense_ldac_n << 9)
-        | (shown.quadrature_sync_n << 10)
-        | (shown.quadrature_sclk_en << 11)
-        | (shown.quadrature_sdin << 12)
+        pins.adc_cs_n
+        | (pins.adc_sclk << 1)
+        | (pins.refs << REFS_AT)
+        | (pins.drive_sync_n << 3)
+        | (pins.drive_sclk_en << 4)
+        | (pins.drive_sdin << 5)
+        | (pins.sense_sync_n << 6)
+        | (pins.sense_sclk_en << 7)
+        | (pins.sense_sdin << 8)
+        | (pins.sense_ldac_n << 9)
+        | (pins.quadrature_sync_n << 10)
+        | (pins.quadrature_sclk_en << 11)
+        | (pins.quadrature_sdin << 12)
         | (ldacs[0] << LDACS_AT)
         | (ldacs[1] << (LDACS_AT + 1))
     )
@@ -162,9 +162,9 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 row = rtl.rows[at & (KEPT - 1)]
                 store(row, f)
                 store(row[COUNT:], fpga.pins(p.fpga, f))
-                place = call(rtl.differs, rtl.handle, row)
-                if place >= 0:
-                    rtl.found[0], rtl.found[1] = at, place
+                difference_index = call(rtl.differs, rtl.handle, row)
+                if difference_index >= 0:
+                    rtl.found[0], rtl.found[1] = at, difference_index
                     return f, chips, drdy_cycle
             write = chunk.write if at == begin * clocks else 0
             i = fpga.Inputs(
@@ -173,7 +173,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             if rtl.mode != ALONE:
                 f = fpga.step(p.fpga, p.rom, f, i)
             if rtl.mode == MODEL:
-                pins = _packed(fpga.pins(p.fpga, f), fpga.other_ldacs(f))
+                pins = _pack_pins(fpga.pins(p.fpga, f), fpga.other_ldacs(f))
             else:
                 store(rtl.given[1:], i)
                 rtl.given[0] = 0
@@ -183,7 +183,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 store(rtl.conversions[rtl.count[0]], (at, faults.status, codes))
                 rtl.count[0] += 1
             ldacs = (pins >> LDACS_AT) & 1, (pins >> (LDACS_AT + 1)) & 1
-            chips = engine.chips_after(p.chips, word_bits, chips, _unpacked(pins), ldacs, loaded, faults.status, codes)
+            chips = engine.chips_after(p.chips, word_bits, chips, _unpack_pins(pins), ldacs, loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
                 rtl.latched[0] = c

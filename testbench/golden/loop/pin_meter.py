@@ -25,7 +25,7 @@ NODES = ("xe1", "ye1")
 DRIVE_LOOPS = 2  # the first of the four
 
 
-class Shown(NamedTuple):
+class PinCapture(NamedTuple):
     """What one run has shown.
 
     drive, sense  codes at the end of each tick
@@ -88,10 +88,10 @@ def lock_frame(codes, limits, end):
         np.abs(x[:, 2]),
         np.abs(x[:, 3]),
     )
-    found, start = 0, 0
+    latest_lock_frame, start = 0, 0
     every = zip(errors, limits.limit_in, limits.limit_out, limits.frames_in, strict=True)
     for loop, (error, small, large, frames) in enumerate(every):
-        start = found if loop == DRIVE_LOOPS else start
+        start = latest_lock_frame if loop == DRIVE_LOOPS else start
         lost = np.flatnonzero(error > large)
         bad = np.flatnonzero(error > small)
         # the last run of small errors that is long enough, behind the last loss
@@ -101,11 +101,11 @@ def lock_frame(codes, limits, end):
         runs = [b for b, e in zip(begins, ends, strict=True) if e - b >= frames and b > after]
         if not runs:
             return -1
-        found = max(found, runs[0] + frames)
-    return int(found)
+        latest_lock_frame = max(latest_lock_frame, runs[0] + frames)
+    return int(latest_lock_frame)
 
 
-def stretches_of(rates_dps, design, runs, limits):
+def find_plateaus(rates_dps, design, runs, limits):
     """(plateaus of a scenario, `lock_frame` of each of the runs).
 
     A plateau is the second half of a stretch of one rate behind the later lock, of LEAST_S or more.
@@ -115,16 +115,16 @@ def stretches_of(rates_dps, design, runs, limits):
     """
     borders = [0, *(np.flatnonzero(np.diff(rates_dps)) + 1).tolist(), len(rates_dps)]
     locks = [lock_frame(run.codes, limits, borders[1]) for run in runs]
-    found = []
+    plateaus = []
     for begin, end in pairwise(borders):
         begin_at = max(begin, *locks)
         first, last = (begin_at + end) // 2 * design.frame_ticks, end * design.frame_ticks
         if min(locks) >= 0 and last - first >= LEAST_S * design.tick_hz:
-            found.append(Plateau(first, last, float(rates_dps[begin])))
-    return found, *locks
+            plateaus.append(Plateau(first, last, float(rates_dps[begin])))
+    return plateaus, *locks
 
 
-def _blocks(codes, plateau, latched, turns_per_clock, clocks, ticks):
+def _fit_force_blocks(codes, plateau, latched, turns_per_clock, clocks, ticks):
     """(complex amplitude at phase 0 of time 0, middle clock) of each block of a plateau."""
     count = (plateau.last - plateau.first) // ticks
     at = (plateau.first + np.arange(count * ticks)).reshape(count, ticks) * clocks + latched + clocks / 2
@@ -155,45 +155,45 @@ def _lag(plateaus, grid_turns):
         return 0.0, np.inf
     # the sign of a rate turns its force over: modulo half a turn
     pins = [pins[0][0] + (errors - pins[0][0] + 0.25) % 0.5 - 0.25 for errors in pins]
-    even = nodes.pin_lag(*pins, grid_turns).even
+    common_lag_turns = nodes.pin_lag(*pins, grid_turns).even
     # edges leave room within their grid, or the noise of the force widens it: either leaves the middle in doubt
     doubt = abs(grid_turns - np.ptp(np.concatenate(pins))) / np.sqrt(12.0)
-    return float((-360.0 * even + 90.0) % 180.0 - 90.0), float(360.0 * doubt)
+    return float((-360.0 * common_lag_turns + 90.0) % 180.0 - 90.0), float(360.0 * doubt)
 
 
 def _frequency(edges, plateau, clocks):
     """Turns per clock, from the rising edges of the drive's sgn(sin) in a plateau."""
-    kept = (edges[:, 1] == 0) & (edges[:, 2] == 1)
-    kept &= (edges[:, 0] >= plateau.first * clocks) & (edges[:, 0] < plateau.last * clocks)
-    at = edges[kept, 0]
+    rising_edges = (edges[:, 1] == 0) & (edges[:, 2] == 1)
+    rising_edges &= (edges[:, 0] >= plateau.first * clocks) & (edges[:, 0] < plateau.last * clocks)
+    at = edges[rising_edges, 0]
     if len(at) < 2:
         return 0.0
     return (len(at) - 1) / float(at[-1] - at[0])
 
 
-def measure(shown, design, stretches, locked, grid_clocks):
+def measure(capture, design, stretches, locked, grid_clocks):
     """`Measured` of a run on the plateaus `stretches`, with its `lock_frame`; `design`: record of the firmware.
 
     grid_clocks  between two instants at which a reference pin can change
     """
     clocks, ticks = design.tick_clocks, round(BLOCK_S * design.tick_hz)
-    turns = [_frequency(shown.edges, plateau, clocks) for plateau in stretches]
+    turns = [_frequency(capture.edges, plateau, clocks) for plateau in stretches]
     if locked < 0 or not stretches or not all(turns):
         return Measured(-1)
     errors, ratios, amplitudes = {name: [] for name in NODES}, [], []
     most = max(abs(plateau.rate_dps) for plateau in stretches)
     for plateau, turn in zip(stretches, turns, strict=True):
-        drive, at = _blocks(shown.drive, plateau, shown.latched[0], turn, clocks, ticks)
-        sense, sense_at = _blocks(shown.sense, plateau, shown.latched[1], turn, clocks, ticks)
-        errors["xe1"].append(_edge_errors(drive, at, shown.edges, 0, turn))
+        drive, at = _fit_force_blocks(capture.drive, plateau, capture.latched[0], turn, clocks, ticks)
+        sense, sense_at = _fit_force_blocks(capture.sense, plateau, capture.latched[1], turn, clocks, ticks)
+        errors["xe1"].append(_edge_errors(drive, at, capture.edges, 0, turn))
         # a force is read where it is largest
         if abs(plateau.rate_dps) == most:
-            errors["ye1"].append(_edge_errors(sense, sense_at, shown.edges, 2, turn))
+            errors["ye1"].append(_edge_errors(sense, sense_at, capture.edges, 2, turn))
         ratios.append(sense / drive)
         frames = slice(plateau.first // design.frame_ticks, plateau.last // design.frame_ticks)
-        x, vx = shown.truth[frames, 0], shown.truth[frames, 1]
+        x, vx = capture.truth[frames, 0], capture.truth[frames, 1]
         amplitudes.append(amplitude_m(x, vx, turn * design.master_hz, 1.0))
-    lags = {name: _lag(found, grid_clocks * float(np.mean(turns))) for name, found in errors.items()}
+    lags = {name: _lag(plateau_errors, grid_clocks * float(np.mean(turns))) for name, plateau_errors in errors.items()}
     return Measured(
         lock_frame=locked,
         frequency_hz=float(np.mean(turns)) * design.master_hz,

@@ -21,7 +21,7 @@ from testbench.config import Config, changed, scenario
 from testbench.engines import chips, engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
-from testbench.golden.loop import behind, judgement, library, lockstep, pin_meter
+from testbench.golden.loop import after_divergence, judgement, library, lockstep, pin_meter
 from testbench.golden.recording import board, replay
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
@@ -68,7 +68,7 @@ class Recorded(NamedTuple):
 
     params: fpga.Params
     stimulus: replay.Stimulus
-    behind: behind.Behind
+    behind: after_divergence.Continuation
     places: tuple
 
 
@@ -96,8 +96,8 @@ class Difference(Exception):
         lines += [f"  also {name}: expected {expected}, got {got}" for name, expected, got in self.wrong[1:SHOWN]]
         if len(self.wrong) > SHOWN:
             lines.append(f"  and {len(self.wrong) - SHOWN} more")
-        held = self.before[:, library.NAMES.index(name)].tolist()
-        lines.append(f"  {name} in the model, up to here: {', '.join(map(str, held))}")
+        model_values = self.before[:, library.NAMES.index(name)].tolist()
+        lines.append(f"  {name} in the model, up to here: {', '.join(map(str, model_values))}")
         return "\n".join(lines)
 
     def to_dict(self):
@@ -108,7 +108,7 @@ class Difference(Exception):
         return {"row": self.row, "tick": self.tick, "clock": self.clock, "differs": wrong}
 
 
-class Seen:
+class StateFlagSink:
     """A sink that keeps what was seen at frame starts: states of the sequencer and fault flags, a bit each."""
 
     def __init__(self):
@@ -128,15 +128,15 @@ class Loop(Simulation):
         super().__init__(config, temp_lo_degc, temp_hi_degc, engine="clocked")
         self.params = self.params._replace(fpga=firmware)
         self.library = design
-        self.rtl = lockstep.rtl_of(design)
+        self.rtl = lockstep.connect_rtl(design)
         self._run = self._lockstep
         self.keep_rows = False
-        self.seen = Seen()
+        self.seen = StateFlagSink()
         self.sinks.append(self.seen)
         self._adc, self._host, self._sar = [], [], []
 
     @property
-    def compared(self):
+    def compared_row_count(self):
         """Rows that were compared, of `library.Design.places`."""
         return int(self.rtl.found[3])
 
@@ -160,18 +160,18 @@ class Loop(Simulation):
 
     def _stop(self, row, converter):
         expected, got = self.rtl.rows[row % lockstep.KEPT], self.library.read()
-        listed = self.library.differing(expected, got)
-        wrong = [(library.NAMES[k], int(expected[k]), int(got[k])) for k in listed]
+        differing_signals = self.library.differing(expected, got)
+        wrong = [(library.NAMES[k], int(expected[k]), int(got[k])) for k in differing_signals]
         first = max(0, row - lockstep.KEPT + 1)
         before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
-        raise Difference(row, wrong, before.copy(), self.design, self._recorded(row, converter))
+        raise Difference(row, wrong, before.copy(), self.design, self._collect_observation(row, converter))
 
-    def _recorded(self, row, converter):
+    def _collect_observation(self, row, converter):
         """`Recorded` of a row that differs; `converter` is the state of the ADC's pins there."""
         host = np.array(self._host, np.int64).reshape(-1, 4)
         stimulus = replay.Stimulus(np.concatenate(self._adc), host, np.concatenate(self._sar))
-        stimulus = behind.repeated(stimulus, row, self.design)
-        rows = behind.of_design(self.library, converter, stimulus, row, self.design)
+        stimulus = after_divergence.extend_stimulus(stimulus, row, self.design)
+        rows = after_divergence.simulate_continuation(self.library, converter, stimulus, row, self.design)
         return Recorded(self.params.fpga, stimulus, rows, self.library.places)
 
     def finish(self):
@@ -185,12 +185,12 @@ class Loop(Simulation):
         self.rtl.found[3] += 1
 
 
-class Alone(Loop):
+class PinCaptureLoop(Loop):
     """A loop that a design drives, or the model (`design` None): nothing is compared, what the pins show is kept."""
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, design, firmware):
         super().__init__(config, temp_lo_degc, temp_hi_degc, design, firmware)
-        self.rtl = lockstep.rtl_of(design, lockstep.MODEL if design is None else lockstep.ALONE)
+        self.rtl = lockstep.connect_rtl(design, lockstep.MODEL if design is None else lockstep.ALONE)
         self.keep_rows = True
         self._kept = []
 
@@ -200,14 +200,14 @@ class Alone(Loop):
         self._kept.append((o.drive_code, o.sense_code, o.edges[: int(o.edge_count[0])]))
         return state
 
-    def shown(self):
+    def pin_capture(self):
         """`pin_meter.Shown` so far."""
         drive, sense, edges = (np.concatenate(pieces) for pieces in zip(*self._kept, strict=True))
         columns = self.columns()
         codes = [columns[f"adc_{name}"] for name in ("drive_sin", "drive_cos", "sense_sin", "sense_cos")]
         truth = [columns[f"truth_{name}"] for name in ("x", "vx", "y", "vy")]
         latched = tuple(map(int, self.rtl.latched))
-        return pin_meter.Shown(drive, sense, latched, edges, np.stack(codes, axis=1), np.stack(truth, axis=1))
+        return pin_meter.PinCapture(drive, sense, latched, edges, np.stack(codes, axis=1), np.stack(truth, axis=1))
 
 
 class Outcome(NamedTuple):
@@ -230,9 +230,9 @@ class Outcome(NamedTuple):
         return self.difference is None or (self.verdict is not None and self.verdict.passed)
 
     def to_dict(self):
-        found = {"passed": self.passed, **self._asdict(), "pins": len(library.PINS)}
-        given = {"difference": self.difference, "verdict": self.verdict}
-        return found | {name: item.to_dict() if item else None for name, item in given.items()}
+        entries = {"passed": self.passed, **self._asdict(), "pins": len(library.PINS)}
+        optional_parts = {"difference": self.difference, "verdict": self.verdict}
+        return entries | {name: item.to_dict() if item else None for name, item in optional_parts.items()}
 
     def text(self):
         if self.verdict:
@@ -246,7 +246,7 @@ class Outcome(NamedTuple):
             f"PASS {self.rows} rows of {values}, no difference: "
             f"{self.seconds:g} s from power-on in {self.run_s:.1f} s; states {', '.join(self.states)}; "
             f"{'locked' if self.locked else 'not locked'} at the end; faults seen: {', '.join(self.flags) or 'none'}"
-            + ("" if self.registers else f"\n{judgement.not_shown()}")
+            + ("" if self.registers else f"\n{judgement.pass_caveat()}")
         )
 
 
@@ -260,7 +260,7 @@ def _begun(kind, config, design, firmware):
     return sim, timeline
 
 
-def closed(config, design, firmware, progress=None):
+def run_lockstep(config, design, firmware, progress=None):
     """`Outcome` of the scenario of `config` around a `library.Design` just reset, beside a model with `firmware`.
 
     Raises ConfigError for a scenario that does not begin at power-on.
@@ -275,59 +275,59 @@ def closed(config, design, firmware, progress=None):
     except Difference as found:
         difference = found
     return Outcome(
-        rows=sim.compared,
+        rows=sim.compared_row_count,
         seconds=sim.tick / sim.design.tick_hz,
         states=tuple(name for k, name in enumerate(sequencer.STATES) if sim.seen.states >> k & 1),
         locked=bool(sim.locked),
         flags=tuple(name for k, name in enumerate(fault_monitor.NAMES) if sim.seen.flags >> k & 1),
         codes_sha256=sim.codes_sha256(),
         run_s=time.perf_counter() - began,
-        registers=sum(place < len(library.REGISTERS) for place in design.places),
+        registers=sum(signal_index < len(library.REGISTERS) for signal_index in design.places),
         difference=difference,
     )
 
 
-def shown_alone(config, design, firmware, progress=None):
+def capture_pins(config, design, firmware, progress=None):
     """`pin_meter.Shown` of the scenario of `config`, driven by a `library.Design` or the model (None)."""
-    sim, timeline = _begun(Alone, config, design, firmware)
+    sim, timeline = _begun(PinCaptureLoop, config, design, firmware)
     for register, raw in sim.first_writes:
         sim.write(register, raw)
     simulate.play(sim, timeline, progress)
-    return sim.shown()
+    return sim.pin_capture()
 
 
-def verdict_of(config, firmware, yours, model):
+def judge_captures(config, firmware, yours, model):
     """`judgement.Verdict` on one `pin_meter.Shown` beside another, both of the scenario of `config`.
 
     What comes before the first write or fault of the scenario counts. Raises ConfigError for a board or a scenario that
     is not judged.
     """
-    record, limits = firmware.design, judgement.limits_of(config, firmware)
+    record, limits = firmware.design, judgement.lock_limits(config, firmware)
     timeline = scenario.expand(config.scenario, record)
     end = min((event.tick for event in timeline.events), default=timeline.ticks)
     rates_dps = np.degrees(timeline.rate_rad_s.at(0, min(end // record.frame_ticks, timeline.frames)))
-    stretches, *locks = pin_meter.stretches_of(rates_dps, record, (yours, model), limits)
+    stretches, *locks = pin_meter.find_plateaus(rates_dps, record, (yours, model), limits)
     if len({s.rate_dps for s in stretches}) < 2 and min(locks) >= 0:
         raise ConfigError(
             f"scenario.rate_dps: a design is judged at two rates, each kept for {pin_meter.LEAST_S:g} s behind lock"
         )
     grid = record.tick_clocks if firmware.references.retimed else 1
-    found = [
-        pin_meter.measure(shown, record, stretches, lock, grid)
-        for shown, lock in zip((yours, model), locks, strict=True)
+    measurements = [
+        pin_meter.measure(capture, record, stretches, lock, grid)
+        for capture, lock in zip((yours, model), locks, strict=True)
     ]
-    return judgement.judge(config, firmware, found[1], found[0], stretches)
+    return judgement.judge(config, firmware, measurements[1], measurements[0], stretches)
 
 
-def judged(config, design, firmware, progress=None):
+def judge_design(config, design, firmware, progress=None):
     """`judgement.Verdict` of a `library.Design` just reset: it drives the scenario of `config`, then the model does."""
     if firmware.digital:
         raise ConfigError('firmware.board: a design is judged by the codes of the ADC; set board = "analog_sid"')
-    shown = [
-        shown_alone(config, driven_by, firmware, progress and (lambda _, done, of, name=name: progress(name, done, of)))
+    captures = [
+        capture_pins(config, driven_by, firmware, progress and (lambda _, done, of, name=name: progress(name, done, of)))
         for name, driven_by in (("design alone", design), ("model alone", None))
     ]
-    return verdict_of(config, firmware, *shown)
+    return judge_captures(config, firmware, *captures)
 
 
 def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=None):
@@ -343,22 +343,22 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=No
     firmware = firmware or build.firmware(config)
     if pins is None:
         board.check(firmware)
-    face, at, listed = None, ".", None
+    face, at, source_arguments = None, ".", None
     with tempfile.TemporaryDirectory(prefix="gyro-loop-") as temporary:
         if progress:
             progress("building the design", 0, 1)
         folder = folder or temporary
         if pins is not None:
-            face = library.of_pins(pins.top, firmware, chips.parts(chips.of(config.design)))
+            face = library.pin_face(pins.top, firmware, chips.parts(chips.of(config.design)))
             at, name, more = rtl, pins.top, []
             if pins.map:
-                face, wrapped, name = library.mapped(face, pins.map, pins.top, folder)
+                face, wrapped, name = library.write_map_wrapper(face, pins.map, pins.top, folder)
                 more = [wrapped]
-            listed = [*library.user_sources(rtl, name, pins.files, folder), *more]
-        path = library.build(rtl, firmware, folder, level, face, listed)
+            source_arguments = [*library.user_sources(rtl, name, pins.files, folder), *more]
+        path = library.build(rtl, firmware, folder, level, face, source_arguments)
         with library.Design(path, face, at) as design:
-            outcome = closed(config, design, firmware, progress)
+            outcome = run_lockstep(config, design, firmware, progress)
         if outcome.difference is None or pins is None or pins.exact:
             return outcome
         with library.Design(path, face, at) as design:
-            return outcome._replace(verdict=judged(config, design, firmware, progress))
+            return outcome._replace(verdict=judge_design(config, design, firmware, progress))

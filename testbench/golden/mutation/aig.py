@@ -35,15 +35,15 @@ class Graph(NamedTuple):
     ands: np.ndarray
 
 
-def _ports(symbols, kind):
+def _parse_port_symbols(symbols, kind):
     """{port: places} of the inputs or outputs."""
-    found = {}
-    for place, name, bit in re.findall(rf"^{kind}(\d+) (\S+?)(?:\[(\d+)\])?$", symbols, re.M):
-        found.setdefault(name, {})[int(bit or 0)] = int(place)
-    for name, places in found.items():
-        if sorted(places) != list(range(len(places))):
-            raise FileError(f"port {name}: bits {sorted(places)} are not 0 .. {len(places) - 1}")
-    return {name: [places[k] for k in range(len(places))] for name, places in found.items()}
+    bits_by_port = {}
+    for position, name, bit in re.findall(rf"^{kind}(\d+) (\S+?)(?:\[(\d+)\])?$", symbols, re.M):
+        bits_by_port.setdefault(name, {})[int(bit or 0)] = int(position)
+    for name, positions in bits_by_port.items():
+        if sorted(positions) != list(range(len(positions))):
+            raise FileError(f"port {name}: bits {sorted(positions)} are not 0 .. {len(positions) - 1}")
+    return {name: [positions[k] for k in range(len(positions))] for name, positions in bits_by_port.items()}
 
 
 def read(path):
@@ -55,41 +55,41 @@ def read(path):
     _, i, n, o, a = map(int, head[1:6])
     at = np.cumsum([1, i, n, o, a])
 
-    def block(k, columns):
+    def parse_section(k, columns):
         rows = [line.split()[:columns] for line in lines[at[k] : at[k + 1]]]
         return np.array(rows, np.int64).reshape(-1, columns)
 
-    latches, outputs, ands = block(1, 2), block(2, 1), block(3, 3)
+    latches, outputs, ands = parse_section(1, 2), parse_section(2, 1), parse_section(3, 3)
     expected = [2 * np.arange(1 + i, 1 + i + n), 2 * np.arange(1 + i + n, 1 + i + n + a)]
     if not (np.array_equal(latches[:, 0], expected[0]) and np.array_equal(ands[:, 0], expected[1])):
         raise FileError(f"{path}: nodes are not in order")
     if a and (ands[:, 1:] >= ands[:, :1]).any():
         raise FileError(f"{path}: an AND reads one that follows it")
     symbols = "\n".join(lines[at[4] :])
-    return Graph(_ports(symbols, "i"), _ports(symbols, "o"), i, outputs[:, 0], latches[:, 1].copy(), ands[:, 1:].copy())
+    return Graph(_parse_port_symbols(symbols, "i"), _parse_port_symbols(symbols, "o"), i, outputs[:, 0], latches[:, 1].copy(), ands[:, 1:].copy())
 
 
-def bits_of(rows, columns, places, count):
+def expand_bits(rows, columns, port_positions, count):
     """uint8 (rows, count): bit k of column `name` stands at place places[name][k].
 
     rows     int64, one column per name
     columns  [(name, width)]
     Raises FileError if a port is missing or has another width.
     """
-    found = np.zeros((len(rows), count), np.uint8)
+    bit_rows = np.zeros((len(rows), count), np.uint8)
     for column, (name, width) in enumerate(columns):
-        have = len(places.get(name, ()))
+        have = len(port_positions.get(name, ()))
         if have != width:
             what = f"has {have} bits, not {width}" if have else "is missing"
             raise FileError(f"design: port {name} {what}")
-        for k, place in enumerate(places[name]):
-            found[:, place] = rows[:, column] >> k & 1
-    return found
+        for k, position in enumerate(port_positions[name]):
+            bit_rows[:, position] = rows[:, column] >> k & 1
+    return bit_rows
 
 
 @kernel
-def _run(ands, latches, out_literals, in_count, stim, exp, mask, chosen, clear, cycles, first, held):
-    """`first[k]`: first row in which design k differs, or as it was; `held`: flip-flops at row 0."""
+def _simulate_lanes(ands, latches, out_literals, in_count, stim, exp, mask, chosen, clear, cycles, first, initial_state):
+    """`first[k]`: first row in which design k differs, or as it was; `initial_state`: flip-flops at row 0."""
     count = latches.shape[0]
     value = np.zeros(2 * (1 + in_count + count + ands.shape[0]), np.int64)
     following = np.zeros(count, np.int64)
@@ -113,7 +113,7 @@ def _run(ands, latches, out_literals, in_count, stim, exp, mask, chosen, clear, 
             value[gates + 2 * k + 1] = ~word
         if n == 0:
             for k in range(count):
-                held[k] = value[begin + 2 * k]
+                initial_state[k] = value[begin + 2 * k]
         if n >= 0:
             bad = np.int64(0)
             for k in range(out_literals.shape[0]):
@@ -142,16 +142,16 @@ def run(graph, stim, exp, mask, select, numbers, clear, cycles):
     clear            input port that resets
     cycles           clocks of reset before row 0, with design 0
     """
-    found, (reset,) = {}, graph.inputs[clear]
-    held = np.zeros(len(graph.latches), np.int64)
+    first_bad_rows, (reset,) = {}, graph.inputs[clear]
+    initial_state = np.zeros(len(graph.latches), np.int64)
     for begin in range(0, len(numbers), LANES):
         some = numbers[begin : begin + LANES]
         lanes = [*some, *[some[0]] * (LANES - len(some))]
         chosen, first = np.zeros(graph.in_count, np.int64), np.full(LANES, -1, np.int64)
-        for k, place in enumerate(graph.inputs[select]):
+        for k, position in enumerate(graph.inputs[select]):
             word = sum((number >> k & 1) << lane for lane, number in enumerate(lanes))
-            chosen[place] = word - (1 << LANES) if word >> (LANES - 1) else word
+            chosen[position] = word - (1 << LANES) if word >> (LANES - 1) else word
         netlist = graph.ands, graph.latches, graph.out_literals, graph.in_count
-        _run(*netlist, stim, exp, mask, chosen, reset, cycles, first, held)
-        found |= dict(zip(some, first.tolist()))
-    return found, held & 1
+        _simulate_lanes(*netlist, stim, exp, mask, chosen, reset, cycles, first, initial_state)
+        first_bad_rows |= dict(zip(some, first.tolist()))
+    return first_bad_rows, initial_state & 1

@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from testbench.errors import FileError
-from testbench.golden.mutation.miter import Net, binary
+from testbench.golden.mutation.miter import Net, encode_aiger
 
 # Bounds of the steps, in conflicts of one call of the solver and in clocks (frames of the proof)
 ONCE = "iprove -N 4 -M 50000"
@@ -48,16 +48,16 @@ class Verdict(NamedTuple):
 def _abc(commands, work, what):
     """What ABC said, or None when it was given up."""
     command = ["sh", "-c", f'ulimit -t {CPU_S}; exec yosys-abc -c "$0"', "; ".join(commands)]
-    done = subprocess.run(command, cwd=work, capture_output=True, text=True)
-    if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+    process = subprocess.run(command, cwd=work, capture_output=True, text=True)
+    if process.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return None
-    if done.returncode:
-        said = "\n".join((done.stdout + done.stderr).strip().splitlines()[-6:])
-        raise FileError(f"{what}: yosys-abc failed with {done.returncode}:\n{said}")
-    return done.stdout
+    if process.returncode:
+        error_text = "\n".join((process.stdout + process.stderr).strip().splitlines()[-6:])
+        raise FileError(f"{what}: yosys-abc failed with {process.returncode}:\n{error_text}")
+    return process.stdout
 
 
-def _trace(path, inputs):
+def _read_counterexample(path, inputs):
     """[{input: hex}] of each clock from a counterexample with names: `name[bit]@clock=value`."""
     clocks = {}
     for name, bit, clock, value in re.findall(r"(\w+)(?:\[(\d+)\])?@(\d+)=(\d)", path.read_text()):
@@ -66,7 +66,7 @@ def _trace(path, inputs):
     return [{name: f"{word:x}" for name, word in clocks[n].items() if name in inputs} for n in sorted(clocks)]
 
 
-def copied(graph, select, number, net=None):
+def copy_design(graph, select, number, net=None):
     """(outputs, next literals of the flip-flops) of the design with a number at the input `select`, in `net`."""
     leaves = [2 * (k + 1) for k in range(graph.in_count + len(graph.latches))]
     for k, place in enumerate(select):
@@ -94,26 +94,26 @@ class Judge:
         self._broken = leaves + 1
         self._inputs = {name for name in graph.inputs if name != select}
         self._names = {}
-        for name, places in graph.inputs.items():
-            one = len(places) == 1
-            self._names |= {1 + p: name if one else f"{name}[{k}]" for k, p in enumerate(places)}
+        for name, positions in graph.inputs.items():
+            one = len(positions) == 1
+            self._names |= {1 + p: name if one else f"{name}[{k}]" for k, p in enumerate(positions)}
         self.sound = self._copy(0)
         self.shared = len(self.net.ands)  # ANDs of the sound copy come first
         outs, following = self.sound
-        kept = 1
+        contract_literal = 1
         if block in CONTRACTS:
             strobe, register = CONTRACTS[block]
-            busy = self.net.any(outs[place] for place in graph.outputs[register])
-            kept = self.net.both(self._leaves[graph.inputs[strobe][0]], busy) ^ 1
-        self._kept = kept
-        held = 2 * self._broken
+            busy = self.net.any(outs[position] for position in graph.outputs[register])
+            contract_literal = self.net.both(self._leaves[graph.inputs[strobe][0]], busy) ^ 1
+        self._kept = contract_literal
+        broken_literal = 2 * self._broken
         first = 1 + graph.in_count
         self._following = {first + k: x for k, x in enumerate(following)}
-        self._following[self._broken] = self.net.either(held, kept ^ 1)
+        self._following[self._broken] = self.net.either(broken_literal, contract_literal ^ 1)
         self._initial = {first + k: int(x) for k, x in enumerate(reset)} | {self._broken: 0}
 
     def _copy(self, number):
-        return copied(self._graph, self._select, number, self.net)
+        return copy_design(self._graph, self._select, number, self.net)
 
     def differs(self, number):
         """Literal: the faulted copy differs from the sound one, and the contract holds now."""
@@ -126,63 +126,63 @@ class Judge:
         if literal < 2:
             return literal == 0
         names = self._names | {node: f"q{node}" for node in self._following}
-        (self._work / f"{name}.aig").write_bytes(binary(self.net, literal, names, {}, {}))
-        said = _abc([f"read_aiger {name}.aig", "strash", ONCE], self._work, self.what) or ""
-        return bool(re.search(r"\bUNSATISFIABLE", said))
+        (self._work / f"{name}.aig").write_bytes(encode_aiger(self.net, literal, names, {}, {}))
+        abc_output = _abc([f"read_aiger {name}.aig", "strash", ONCE], self._work, self.what) or ""
+        return bool(re.search(r"\bUNSATISFIABLE", abc_output))
 
     def _guesses(self):
         """[(bound now, bound after the next edge)] of the ranges that hold in the reset state."""
-        net, found = self.net, []
+        net, range_bounds = self.net, []
         for name, (signed, lo, hi) in (self._ranges() if self._ranges else {}).items():
-            now = [self.sound[0][place] for place in self._graph.outputs[name]]
+            now = [self.sound[0][position] for position in self._graph.outputs[name]]
             if not all(x >> 1 in self._following for x in now):
                 continue
             after = [self._following[x >> 1] ^ (x & 1) for x in now]
             word = sum((self._initial[x >> 1] ^ (x & 1)) << k for k, x in enumerate(now))
             word -= 1 << len(now) if signed and word >> (len(now) - 1) else 0
             if lo <= word <= hi:
-                found += zip(net.within(now, signed, lo, hi), net.within(after, signed, lo, hi), strict=True)
-        return found
+                range_bounds += zip(net.bound_literals(now, signed, lo, hi), net.bound_literals(after, signed, lo, hi), strict=True)
+        return range_bounds
 
     @cached_property
-    def _inside(self):
+    def _range_invariant(self):
         """Literal of bounds that, together, no edge of the sound design leaves; those that fail are left out."""
-        net, held = self.net, self._guesses()
-        while held:
-            here = net.both(self._kept, net.any(now ^ 1 for now, _ in held) ^ 1)
-            if self._never(net.both(here, net.any(after ^ 1 for _, after in held)), "bounds"):
+        net, candidate_bounds = self.net, self._guesses()
+        while candidate_bounds:
+            assumption = net.both(self._kept, net.any(now ^ 1 for now, _ in candidate_bounds) ^ 1)
+            if self._never(net.both(assumption, net.any(after ^ 1 for _, after in candidate_bounds)), "bounds"):
                 break
-            kept = [pair for pair in held if self._never(net.both(here, pair[1] ^ 1), "bound")]
-            held = kept if len(kept) < len(held) else []
-        return net.any(now ^ 1 for now, _ in held) ^ 1
+            inductive_bounds = [pair for pair in candidate_bounds if self._never(net.both(assumption, pair[1] ^ 1), "bound")]
+            candidate_bounds = inductive_bounds if len(inductive_bounds) < len(candidate_bounds) else []
+        return net.any(now ^ 1 for now, _ in candidate_bounds) ^ 1
 
     def _search(self, number, differs):
         """Verdict by traces from reset, and by an invariant."""
         net, names = self.net, self._names
         literal = net.both(differs, 2 * self._broken ^ 1)
-        path, found = self._work / f"ever_{number}.aig", self._work / f"trace_{number}.txt"
-        path.write_bytes(binary(net, literal, names, self._following, self._initial))
-        clear, given_up = 0, ""
+        path, trace_path = self._work / f"ever_{number}.aig", self._work / f"trace_{number}.txt"
+        path.write_bytes(encode_aiger(net, literal, names, self._following, self._initial))
+        clear, aborted_steps = 0, ""
         for way in (NEAR, PROOF, FAR):
-            commands = [f"read_aiger {path.name}", "strash", way, f"write_cex -n {found.name}"]
-            said = _abc(commands, self._work, self.what)
-            if said is None:
-                given_up += f"; `{way}` was given up after {CPU_S} s of a processor"
+            commands = [f"read_aiger {path.name}", "strash", way, f"write_cex -n {trace_path.name}"]
+            abc_output = _abc(commands, self._work, self.what)
+            if abc_output is None:
+                aborted_steps += f"; `{way}` was given up after {CPU_S} s of a processor"
                 continue
-            if "was asserted in frame" in said:
-                trace = _trace(found, self._inputs)
+            if "was asserted in frame" in abc_output:
+                trace = _read_counterexample(trace_path, self._inputs)
                 return Verdict("alive", f"differs {len(trace)} clocks after reset", trace)
-            if "Property proved" in said or "all reachable states" in said:
+            if "Property proved" in abc_output or "all reachable states" in abc_output:
                 return Verdict("equivalent", "in every state that can be reached", [])
-            clear = max([clear, *map(int, re.findall(r"No output asserted in (\d+) frames", said))])
-        return Verdict("undecided", f"no difference within {clear} clocks from reset, and no proof{given_up}", [])
+            clear = max([clear, *map(int, re.findall(r"No output asserted in (\d+) frames", abc_output))])
+        return Verdict("undecided", f"no difference within {clear} clocks from reset, and no proof{aborted_steps}", [])
 
     def verdict(self, number):
         """Verdict on a fault."""
         differs = self.differs(number)
         if self._never(differs, "once"):
             return Verdict("equivalent", "in every state", [])
-        within = self.net.both(differs, self._inside)
-        if within != differs and self._never(within, "within"):
+        restricted_difference = self.net.both(differs, self._range_invariant)
+        if restricted_difference != differs and self._never(restricted_difference, "within"):
             return Verdict("equivalent", "in every state within ranges that are never left", [])
         return self._search(number, differs)

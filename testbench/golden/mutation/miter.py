@@ -26,40 +26,40 @@ class Net:
             return 0
         if a in (1, b):
             return b
-        found = self._known.get((a, b))
-        if found is None:
-            found = self._known[a, b] = 2 * (self.first + len(self.ands))
+        and_literal = self._known.get((a, b))
+        if and_literal is None:
+            and_literal = self._known[a, b] = 2 * (self.first + len(self.ands))
             self.ands.append((a, b))
-        return found
+        return and_literal
 
     def either(self, a, b):
         return self.both(a ^ 1, b ^ 1) ^ 1
 
     def any(self, literals):
         """OR of literals."""
-        found = 0
+        or_literal = 0
         for literal in literals:
-            found = self.either(found, literal)
-        return found
+            or_literal = self.either(or_literal, literal)
+        return or_literal
 
     def differ(self, a, b):
         """Literal of a XOR b."""
         return self.either(self.both(a, b ^ 1), self.both(a ^ 1, b))
 
-    def at_most(self, bits, limit):
+    def less_or_equal(self, bits, limit):
         """Literal of an unsigned number <= limit; bits least first, limit within them."""
-        found = 1
+        comparison = 1
         for k, bit in enumerate(bits):
-            found = self.either(bit ^ 1, found) if limit >> k & 1 else self.both(bit ^ 1, found)
-        return found
+            comparison = self.either(bit ^ 1, comparison) if limit >> k & 1 else self.both(bit ^ 1, comparison)
+        return comparison
 
-    def within(self, bits, signed, lo, hi):
+    def bound_literals(self, bits, signed, lo, hi):
         """Literals of `lo <= number` and `number <= hi` that are not always true."""
         lift = 1 << (len(bits) - 1) if signed else 0
         raised = [*bits[:-1], bits[-1] ^ 1] if signed else bits
         top = (1 << len(bits)) - 1
-        found = [self.at_most(raised, lo + lift - 1) ^ 1] if lo + lift > 0 else []
-        return found + ([self.at_most(raised, hi + lift)] if hi + lift < top else [])
+        bounds = [self.less_or_equal(raised, lo + lift - 1) ^ 1] if lo + lift > 0 else []
+        return bounds + ([self.less_or_equal(raised, hi + lift)] if hi + lift < top else [])
 
     def copy(self, graph, leaves):
         """(literals of the outputs, next literals of the flip-flops) of a `aig.Graph` with given leaves."""
@@ -69,19 +69,19 @@ class Net:
         outs, following = graph.out_literals.tolist(), graph.latches.tolist()
         return [at[x >> 1] ^ (x & 1) for x in outs], [at[x >> 1] ^ (x & 1) for x in following]
 
-    def needed(self, literals, following):
+    def fanin_nodes(self, literals, following):
         """Leaves and ANDs, as nodes, that literals depend on, now or later; `following` is {leaf: next literal}."""
-        seen, stack = {0}, [literal >> 1 for literal in literals]
+        visited, stack = {0}, [literal >> 1 for literal in literals]
         while stack:
             node = stack.pop()
-            if node in seen:
+            if node in visited:
                 continue
-            seen.add(node)
+            visited.add(node)
             if node >= self.first:
                 stack += [x >> 1 for x in self.ands[node - self.first]]
             elif node in following:
                 stack.append(following[node] >> 1)
-        return sorted(seen - {0})
+        return sorted(visited - {0})
 
 
 def compact(graph):
@@ -89,34 +89,34 @@ def compact(graph):
     leaves = graph.in_count + len(graph.latches)
     net = Net(leaves)
     outs, following = net.copy(graph, [2 * (k + 1) for k in range(leaves)])
-    kept = [node for node in net.needed([*outs, *following], {}) if node >= net.first]
-    at = {k: 2 * k for k in range(net.first)} | {node: 2 * (net.first + k) for k, node in enumerate(kept)}
+    gate_nodes = [node for node in net.fanin_nodes([*outs, *following], {}) if node >= net.first]
+    at = {k: 2 * k for k in range(net.first)} | {node: 2 * (net.first + k) for k, node in enumerate(gate_nodes)}
 
     def now(literals):
         return np.array([at[x >> 1] ^ (x & 1) for x in literals], np.int64)
 
-    ands = now([x for node in kept for x in net.ands[node - net.first]]).reshape(-1, 2)
+    ands = now([x for node in gate_nodes for x in net.ands[node - net.first]]).reshape(-1, 2)
     return graph._replace(out_literals=now(outs), latches=now(following), ands=ands)
 
 
 def _delta(value):
     """A difference of literals, seven bits to the byte."""
-    found = bytearray()
+    encoded = bytearray()
     while value >> 7:
-        found.append(0x80 | value & 0x7F)
+        encoded.append(0x80 | value & 0x7F)
         value >>= 7
-    found.append(value)
-    return found
+    encoded.append(value)
+    return encoded
 
 
-def binary(net, literal, names, following, initial):
+def encode_aiger(net, literal, names, following, initial):
     """Bytes of binary AIGER whose one output is `literal`.
 
     names      {leaf node: name of the input}
     following  {leaf node: next literal} of the flip-flops; the other leaves are inputs
     initial    {leaf node: 0 or 1}: a flip-flop that begins with 1 is stored inverted, for the format begins with 0
     """
-    nodes = net.needed([literal], following)
+    nodes = net.fanin_nodes([literal], following)
     inputs = [n for n in nodes if n < net.first and n not in following]
     latches = [n for n in nodes if n < net.first and n in following]
     gates = [n for n in nodes if n >= net.first]

@@ -57,7 +57,7 @@ class Outcome(NamedTuple):
     survivors: list
 
     @classmethod
-    def of(cls, block, case, seed, mutants, alive, verdicts):
+    def from_verdicts(cls, block, case, seed, mutants, alive, verdicts):
         """From the faults tried, those that no vector killed, and the judge's verdicts on these."""
         survivors = [
             {"mutant": m.number, "fault": m.options, "source": m.source, **verdict._asdict()}
@@ -92,22 +92,22 @@ class Outcome(NamedTuple):
 def sources(manifest, rtl):
     """Files of the design: parts first, the block last; raises FileError if one is missing."""
     stem = manifest["block"]
-    found = []
+    paths = []
     for name in (*benches.PARTS.get(stem, ()), stem):
         path = Path(rtl).resolve() / f"{name}.v"
         if not path.is_file():
             raise FileError(f"{path}: no such file; the design of {stem} needs it")
-        found.append(path)
-    return found
+        paths.append(path)
+    return paths
 
 
 def parameters(manifest):
     """[(name, width, raw bits)] of the case, and keys of its design."""
-    listed = [(name, 32, value) for name, value in design_entry.told(manifest)]
+    case_parameters = [(name, 32, value) for name, value in design_entry.rtl_parameters(manifest)]
     for entry in manifest["params"]:
         width = sum(entry["fmt"])
-        listed.append((entry["name"], width, entry["raw"] & ((1 << width) - 1)))
-    return listed
+        case_parameters.append((entry["name"], width, entry["raw"] & ((1 << width) - 1)))
+    return case_parameters
 
 
 def prepare(folder, manifest, files, work):
@@ -119,12 +119,12 @@ def prepare(folder, manifest, files, work):
         for rom in sorted((folder / "rom").glob("*.hex")) if (folder / "rom").is_dir() else ():
             text = text.replace('ROM_FILE = ""', f'ROM_FILE = "{rom.resolve()}"')
         (work / path.name).write_text(text)
-    given = "".join(f" -chparam {name} {width}'h{raw:x}" for name, width, raw in parameters(manifest))
+    parameter_options = "".join(f" -chparam {name} {width}'h{raw:x}" for name, width, raw in parameters(manifest))
     *parts, top = (path.name for path in files)
     steps = [f"read_verilog {name}" for name in parts]
     steps += [
         f"read_verilog -defer {top}",
-        f"hierarchy -check -top gyro_{stem}{given}",
+        f"hierarchy -check -top gyro_{stem}{parameter_options}",
         "proc; flatten; opt -nodffe -nosdff; memory -nomap -nordff; opt -full -nodffe -nosdff; check -assert",
         "select -assert-none t:$dlatch t:$adff t:$dffsr t:$aldff t:$sdff t:$dffe t:$sdffe t:$sdffce",
         "rename -top mutable",
@@ -137,14 +137,14 @@ def choose(work, count, seed, what, module=""):
     """`count` faults of base.il, or of the cells of one of its modules; or all there are. None on a clock pin."""
     steps = f"read_ilang base.il; mutate -list {SURPLUS * count} -seed {seed} -o list.txt {module}"
     run_tool(["yosys", "-q", "-p", steps], work, what)
-    mutants, seen = [], set()
+    mutants, chosen_options = [], set()
     for line in (work / "list.txt").read_text().splitlines():
         options = re.sub(r"^mutate | -(src|wire|wirebit) \S+", "", line).strip()
-        if any(pin in options for pin in CLOCK_PINS) or options in seen or f"-module {module}" not in options:
+        if any(pin in options for pin in CLOCK_PINS) or options in chosen_options or f"-module {module}" not in options:
             continue
-        seen.add(options)
-        places = re.findall(r"-src (\S+)", line)
-        mutants.append(Mutant(len(mutants) + 1, options, places[-1] if places else "?"))
+        chosen_options.add(options)
+        source_locations = re.findall(r"-src (\S+)", line)
+        mutants.append(Mutant(len(mutants) + 1, options, source_locations[-1] if source_locations else "?"))
         if len(mutants) == count:
             break
     return mutants
@@ -159,7 +159,7 @@ def ctrl_lines(mutants, bits):
     return lines or [f"mutate -mode none -ctrl {SELECT} {bits} 1"]
 
 
-def faulted(mutants, work, what, more=""):
+def insert_faults(mutants, work, what, more=""):
     """`aig.Graph` of base.il with all faults in it; `more` are further steps of yosys after they are built in."""
     bits = max((m.number for m in mutants), default=1).bit_length()
     script = ["read_ilang base.il", *ctrl_lines(mutants, bits), f"{more}{aig.STEPS} design.aag"]
@@ -171,25 +171,25 @@ def faulted(mutants, work, what, more=""):
 def simulate(folder, manifest, graph, numbers):
     """({number: first row that differs, or -1}, reset state); FileError if the design fails without a fault."""
     vectors = bundle.read(folder)
-    given = [(port["name"], port["width"]) for port in manifest["inputs"]]
-    found = [(f"r_{port['name']}", port["width"]) for port in manifest["registers"]]
-    found += [(f"o_{port['name']}", port["width"]) for port in manifest["outputs"]]
-    stim = aig.bits_of(vectors.stim, given, graph.inputs, graph.in_count)
-    exp, mask = (aig.bits_of(rows, found, graph.outputs, len(graph.out_literals)) for rows in vectors[2:4])
+    input_columns = [(port["name"], port["width"]) for port in manifest["inputs"]]
+    output_columns = [(f"r_{port['name']}", port["width"]) for port in manifest["registers"]]
+    output_columns += [(f"o_{port['name']}", port["width"]) for port in manifest["outputs"]]
+    stim = aig.expand_bits(vectors.stim, input_columns, graph.inputs, graph.in_count)
+    exp, mask = (aig.expand_bits(rows, output_columns, graph.outputs, len(graph.out_literals)) for rows in vectors[2:4])
     reset = manifest["reset"]
-    first, held = aig.run(graph, stim, exp, mask, SELECT, [0, *numbers], reset["name"], reset["cycles"])
+    first, initial_state = aig.run(graph, stim, exp, mask, SELECT, [0, *numbers], reset["name"], reset["cycles"])
     if first[0] >= 0:
         what = f"{manifest['block']}/{manifest['case']}: the design differs from the bundle at row {first[0]}"
         raise FileError(f"{what}: a failing design has no score")
-    return first, held
+    return first, initial_state
 
 
-def ranges_of(manifest):
+def proven_register_ranges(manifest):
     """{port: (signed, lo, hi)} of the registers as the model is proven to keep them; empty for a foreign block."""
     stem, case = manifest["block"], manifest["case"]
     if "design" in manifest or stem not in blocks.BLOCKS or case not in blocks.BLOCKS[stem].cases:
         return {}
-    return {f"r_{r.name}": (r.fmt.s == 1, *r.proven) for r in ranges.of_case(stem, case).registers if r.proven}
+    return {f"r_{r.name}": (r.fmt.s == 1, *r.proven) for r in ranges.analyse_case(stem, case).registers if r.proven}
 
 
 # ---- all together --------------------------------------------------------------------------------------------------
@@ -219,18 +219,18 @@ def score(folder, rtl, count=COUNT, seed=SEED, keep=None):
         work.mkdir(parents=True, exist_ok=True)
         prepare(folder, manifest, files, work)
         mutants = choose(work, count, seed, what)
-        graph = faulted(mutants, work, what)
-        first, held = simulate(folder, manifest, graph, [m.number for m in mutants])
+        graph = insert_faults(mutants, work, what)
+        first, initial_state = simulate(folder, manifest, graph, [m.number for m in mutants])
         alive = [m for m in mutants if first[m.number] < 0]
-        judged = judge.Judge(graph, SELECT, held, manifest["block"], work, lambda: ranges_of(manifest))
-        verdicts = [judged.verdict(m.number) for m in alive]
-    return Outcome.of(manifest["block"], manifest["case"], seed, mutants, alive, verdicts)
+        fault_judge = judge.Judge(graph, SELECT, initial_state, manifest["block"], work, lambda: proven_register_ranges(manifest))
+        verdicts = [fault_judge.verdict(m.number) for m in alive]
+    return Outcome.from_verdicts(manifest["block"], manifest["case"], seed, mutants, alive, verdicts)
 
 
 def record(folder, outcome):
     """Write the outcome into the provenance of the bundle's manifest, which no hash covers."""
     path = Path(folder) / bundle.MANIFEST
     manifest = bundle.verify(folder)
-    kept = {k: v for k, v in outcome.to_dict().items() if k not in ("block", "case")}
-    manifest["provenance"]["mutation"] = kept
+    summary = {k: v for k, v in outcome.to_dict().items() if k not in ("block", "case")}
+    manifest["provenance"]["mutation"] = summary
     write_text(path, json.dumps(manifest, indent=1, ensure_ascii=True) + "\n")

@@ -25,7 +25,7 @@ from testbench.errors import ConfigError, FileError
 from testbench.golden.coverage import unreachable
 from testbench.golden.loop import library
 from testbench.golden.mutation import judge
-from testbench.golden.mutation.mutate import SEED, SELECT, TOOLS, Outcome, choose, faulted
+from testbench.golden.mutation.mutate import SEED, SELECT, TOOLS, Outcome, choose, insert_faults
 from testbench.golden.recording import board, recording, replay
 from testbench.golden.stimulus.blocks import RESET_INPUT
 from testbench.tool import run_tool
@@ -46,14 +46,14 @@ def _prepare(params, rtl, work):
     roms = board.write_roms(work)
     for path in files:
         # this front end takes no text as a parameter from outside
-        named = re.sub(ROM, lambda found: f'{found[1]}{found[2]}= "{roms[found[1]]}"', path.read_text())
-        (work / path.name).write_text(named)
+        source_text = re.sub(ROM, lambda found: f'{found[1]}{found[2]}= "{roms[found[1]]}"', path.read_text())
+        (work / path.name).write_text(source_text)
     text = (work / "top.v").read_text()
-    for name, width, raw in board.settings(params):
+    for name, width, raw in board.top_parameters(params):
         # a text of its own: the design's own default takes the place of parameters from outside
         kind = "sh" if re.search(rf"parameter\s+signed\s[^=\n]*\b{name}\s*=", text) else "h"
-        text, found = re.subn(rf"(parameter[^=\n]*\b{name}\s*= )[^,\s]+", rf"\g<1>{width}'{kind}{raw:x}", text)
-        if found != 1:
+        text, replacement_count = re.subn(rf"(parameter[^=\n]*\b{name}\s*= )[^,\s]+", rf"\g<1>{width}'{kind}{raw:x}", text)
+        if replacement_count != 1:
             raise FileError(f"{rtl}: top.v: parameter {name} is missing")
     (work / "top.v").write_text(text)
     script = [f"read_verilog -defer {path.name}" for path in files]
@@ -70,19 +70,19 @@ def _prepare(params, rtl, work):
 # ---- clocks, 64 at a time ------------------------------------------------------------------------------------------
 
 
-def _packed(column, bit):
+def _pack_bits(column, bit):
     """One bit of a column of integers as words, the first row in the lowest bit."""
     bits = np.packbits((column >> bit & 1).astype(np.uint8), bitorder="little")
     return np.frombuffer(bits.tobytes() + bytes(-len(bits) % 8), np.uint64)
 
 
 @kernel
-def _evaluate(ands, leaves, place, values):
+def _evaluate(ands, leaves, batch, values):
     """Values of all literals in one word; `values[2]` is that of the first leaf."""
     first = 2 * (1 + leaves.shape[0])
     for k in range(leaves.shape[0]):
-        values[2 * k + 2] = leaves[k, place]
-        values[2 * k + 3] = ~leaves[k, place]
+        values[2 * k + 2] = leaves[k, batch]
+        values[2 * k + 3] = ~leaves[k, batch]
     for k in range(ands.shape[0]):
         word = values[ands[k, 0]] & values[ands[k, 1]]
         values[first + 2 * k] = word
@@ -90,41 +90,41 @@ def _evaluate(ands, leaves, place, values):
 
 
 @kernel
-def _first(ands, leaves, literal, count):
+def _first_true_row(ands, leaves, literal, count):
     """First row in which a literal is 1, or -1."""
     values = np.zeros(2 * (1 + leaves.shape[0] + ands.shape[0]), np.uint64)
     values[1] = ~np.uint64(0)
-    for place in range(leaves.shape[1]):
-        _evaluate(ands, leaves, place, values)
+    for batch in range(leaves.shape[1]):
+        _evaluate(ands, leaves, batch, values)
         if values[literal] != 0:
             for k in range(WORD):
-                if values[literal] >> np.uint64(k) & np.uint64(1) and WORD * place + k < count:
-                    return WORD * place + k
+                if values[literal] >> np.uint64(k) & np.uint64(1) and WORD * batch + k < count:
+                    return WORD * batch + k
     return -1
 
 
 @kernel
-def _agrees(ands, leaves, literals, wanted, count, values):
+def _first_mismatch_row(ands, leaves, literals, expected_bits, count, values):
     """First row in which one of the literals is not as wanted, or -1."""
-    for place in range(leaves.shape[1]):
-        _evaluate(ands, leaves, place, values)
+    for batch in range(leaves.shape[1]):
+        _evaluate(ands, leaves, batch, values)
         bad = np.uint64(0)
         for k in range(literals.shape[0]):
-            bad |= values[literals[k]] ^ wanted[k, place]
+            bad |= values[literals[k]] ^ expected_bits[k, batch]
         if bad != 0:
             for k in range(WORD):
-                if bad >> np.uint64(k) & np.uint64(1) and WORD * place + k < count:
-                    return WORD * place + k
+                if bad >> np.uint64(k) & np.uint64(1) and WORD * batch + k < count:
+                    return WORD * batch + k
     return -1
 
 
 def _ranges(params):
     """{port: (signed, lo, hi)} of the registers of the four loops, from their limits, for the judge to try."""
-    found = {}
+    register_ranges = {}
     for name in LOOPS:
         bounds, _ = unreachable.pi_registers(getattr(params.control, name).loop, f"r_control_{name}_loop_")
-        found |= {port: (True, lo, hi) for port, (lo, hi, _) in bounds.items()}
-    return found
+        register_ranges |= {port: (True, lo, hi) for port, (lo, hi, _) in bounds.items()}
+    return register_ranges
 
 
 class _Design:
@@ -137,9 +137,9 @@ class _Design:
 
     def build(self, mutants):
         """Put faults in; they can then be judged."""
-        graph = faulted(mutants, self._work, "top", FLAT)
+        graph = insert_faults(mutants, self._work, "top", FLAT)
         start = replay.run(self.r.params, self.r.stimulus, 1, np.arange(1))
-        where = self._leaves(graph, judge.copied(graph, graph.inputs[SELECT], 0)[0])
+        where = self._map_leaves(graph, judge.copy_design(graph, graph.inputs[SELECT], 0)[0])
         reset = [0] * len(graph.latches)
         for (column, bit, flip), leaf in where:
             if leaf > graph.in_count:
@@ -147,27 +147,27 @@ class _Design:
         self.judge = judge.Judge(graph, SELECT, reset, "top", self._work, lambda: _ranges(self.r.params))
         self._graph, self._where = graph, where
 
-    def _leaves(self, graph, outs):
+    def _map_leaves(self, graph, outs):
         """[((column of inputs and registers, bit, inverted), leaf)] with the sound design's outputs.
 
         Raises FileError if a flip-flop is in no port.
         """
-        found = []
+        leaf_sources = []
         for column, name in enumerate((RESET_INPUT, *top.Inputs._fields)):
-            found += [((column, bit, 0), 1 + place) for bit, place in enumerate(graph.inputs.get(name, ()))]
-        first, seen = 1 + graph.in_count, set()
-        for column, (port, fmt) in enumerate(zip(library.PORTS, library.formats_of(self.r.params.design), strict=True)):
-            places = graph.outputs.get(port, ())
-            if len(places) != fmt.width:
-                raise FileError(f"top.v: port {port} has {len(places)} bits, not {fmt.width}")
-            for bit, place in enumerate(places if port.startswith("r_") else ()):
-                leaf, flip = divmod(outs[place], 2)
+            leaf_sources += [((column, bit, 0), 1 + position) for bit, position in enumerate(graph.inputs.get(name, ()))]
+        first, mapped_leaves = 1 + graph.in_count, set()
+        for column, (port, fmt) in enumerate(zip(library.PORTS, library.port_formats(self.r.params.design), strict=True)):
+            positions = graph.outputs.get(port, ())
+            if len(positions) != fmt.width:
+                raise FileError(f"top.v: port {port} has {len(positions)} bits, not {fmt.width}")
+            for bit, position in enumerate(positions if port.startswith("r_") else ()):
+                leaf, flip = divmod(outs[position], 2)
                 if first <= leaf < first + len(graph.latches):
-                    seen.add(leaf)
-                    found.append(((replay.INPUTS + column, bit, flip), leaf))
-        if len(seen) < len(graph.latches):
-            raise FileError(f"top.v: {len(graph.latches) - len(seen)} of its flip-flops are in no port r_NAME")
-        return found
+                    mapped_leaves.add(leaf)
+                    leaf_sources.append(((replay.INPUTS + column, bit, flip), leaf))
+        if len(mapped_leaves) < len(graph.latches):
+            raise FileError(f"top.v: {len(graph.latches) - len(mapped_leaves)} of its flip-flops are in no port r_NAME")
+        return leaf_sources
 
     def chunks(self):
         """(first clock, int64 rows of inputs and registers, pins): a row more than is new, but at the end."""
@@ -181,46 +181,46 @@ class _Design:
         """First row in which the sound design does not do what the model does, or -1."""
         net, graph = self.judge.net, self._graph
         leaves = np.zeros((net.first - 1, -(-len(rows) // WORD)), np.uint64)
-        literals, wanted = [], []
+        literals, expected_bits = [], []
         outs, following = self.judge.sound
         for (column, bit, flip), leaf in self._where:
-            word = _packed(rows[:, column], bit)
+            word = _pack_bits(rows[:, column], bit)
             leaves[leaf - 1] = ~word if flip else word
             if leaf > graph.in_count:
                 literals.append(following[leaf - graph.in_count - 1])
-                after = _packed(rows[1:, column], bit)
-                wanted.append(np.resize(~after if flip else after, leaves.shape[1]))
+                after = _pack_bits(rows[1:, column], bit)
+                expected_bits.append(np.resize(~after if flip else after, leaves.shape[1]))
         for column, (name, fmt) in enumerate(zip(top.Pins._fields, top.PINS_FMT, strict=True)):
-            for bit, place in enumerate(graph.outputs[f"o_{name}"]):
-                literals.append(outs[place])
-                wanted.append(_packed(pins[:, column], bit))
+            for bit, position in enumerate(graph.outputs[f"o_{name}"]):
+                literals.append(outs[position])
+                expected_bits.append(_pack_bits(pins[:, column], bit))
                 assert bit < fmt.width
         ands = np.array(net.ands[: self.judge.shared], np.int64).reshape(-1, 2)
         values = np.zeros(2 * (1 + len(leaves) + len(ands)), np.uint64)
         values[1] = ~np.uint64(0)
-        return int(_agrees(ands, leaves, np.array(literals, np.int64), np.array(wanted), len(rows) - 1, values))
+        return int(_first_mismatch_row(ands, leaves, np.array(literals, np.int64), np.array(expected_bits), len(rows) - 1, values))
 
-    def first(self, literal, rows):
+    def find_first_true_row(self, literal, rows):
         """First row in which a literal is 1, or -1."""
         if literal < 2:
             return literal - 1
         net = self.judge.net
-        nodes = net.needed([literal], {})
+        nodes = net.fanin_nodes([literal], {})
         count = sum(node < net.first for node in nodes)
         at = {0: 0} | {node: 2 * (k + 1) for k, node in enumerate(nodes)}
         ands = [[at[x >> 1] ^ (x & 1) for x in net.ands[node - net.first]] for node in nodes[count:]]
         leaves = np.zeros((count, -(-len(rows) // WORD)), np.uint64)
         for (column, bit, flip), leaf in self._where:
             if leaf in at:
-                word = _packed(rows[:, column], bit)
+                word = _pack_bits(rows[:, column], bit)
                 leaves[at[leaf] // 2 - 1] = ~word if flip else word
         gates = np.array(ands, np.int64).reshape(-1, 2)
-        return int(_first(gates, leaves, at[literal >> 1] ^ (literal & 1), len(rows)))
+        return int(_first_true_row(gates, leaves, at[literal >> 1] ^ (literal & 1), len(rows)))
 
 
-def _killed(design, mutants):
+def _find_killed_faults(design, mutants):
     """Numbers of the faults that some clock of the recording shows; FileError if the sound design differs."""
-    left = {m.number: design.judge.differs(m.number) for m in mutants}
+    open_faults = {m.number: design.judge.differs(m.number) for m in mutants}
     killed = set()
     for begin, rows, pins in design.chunks():
         bad = design.check(rows, pins)
@@ -228,10 +228,10 @@ def _killed(design, mutants):
             raise FileError(
                 f"top/{design.r.name}: the design differs from the model at clock {begin + bad}: it has no score"
             )
-        for number, literal in list(left.items()):
-            if design.first(literal, rows) >= 0:
+        for number, literal in list(open_faults.items()):
+            if design.find_first_true_row(literal, rows) >= 0:
                 killed.add(number)
-                del left[number]
+                del open_faults[number]
     return killed
 
 
@@ -253,11 +253,11 @@ def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
             if not mutants:
                 alive = mutants = choose(work, count, seed, "top", TOP)
             designs[-1].build(alive)
-            killed = _killed(designs[-1], alive)
+            killed = _find_killed_faults(designs[-1], alive)
             alive = [m for m in alive if m.number not in killed]
         # a fault that any recording kills needs no verdict, which takes the longest
-        found = [_worst(design.judge.verdict(m.number) for design in designs) for m in alive]
-    return Outcome.of("top", "+".join(cases), seed, mutants, alive, found)
+        verdicts = [_worst(design.judge.verdict(m.number) for design in designs) for m in alive]
+    return Outcome.from_verdicts("top", "+".join(cases), seed, mutants, alive, verdicts)
 
 
 def _worst(verdicts):

@@ -79,8 +79,8 @@ class Proof(NamedTuple):
             count = f"{len(self.properties)} of {len(self.properties) + len(self.unseen)} properties"
         head = f"{self.block}/{self.case}: {count}{f' at level {self.level}' * (self.level != 'registers')}"
         if self.proven:
-            rest = f"; PDR: {', '.join(self.invariant)}" if self.invariant else ""
-            return f"PROVEN {head}, any number of clocks (induction over {self.steps}{rest}), {self.seconds:.1f} s"
+            pdr_text = f"; PDR: {', '.join(self.invariant)}" if self.invariant else ""
+            return f"PROVEN {head}, any number of clocks (induction over {self.steps}{pdr_text}), {self.seconds:.1f} s"
         return f"FAIL {head}: {self.why}, {self.seconds:.1f} s"
 
 
@@ -89,10 +89,10 @@ def labels(text):
     return tuple(re.findall(r"\b(\w+): assert\b", text))
 
 
-def _ports(text):
+def _checker_ports(text):
     """[(name, width)] of the ports of a checker."""
-    found = re.findall(r"^\s*input\s+wire\s+(?:signed\s+)?(?:\[(\d+):0\]\s*)?(\w+)", text, re.M)
-    return [(name, int(high or 0) + 1) for high, name in found]
+    port_matches = re.findall(r"^\s*input\s+wire\s+(?:signed\s+)?(?:\[(\d+):0\]\s*)?(\w+)", text, re.M)
+    return [(name, int(high or 0) + 1) for high, name in port_matches]
 
 
 class _Design(NamedTuple):
@@ -108,32 +108,32 @@ def _design(block, case, rtl, choice):
     """`_Design` in a folder; FileError or ConfigError with one line."""
     level = choice.level or "registers"
     manifest = {"block": block.stem, "case": case, **design_entry.interface(block, case), "sha256": {}}
-    ports = tuple(name for name, _ in levels.judged(manifest, level))
-    named = None
+    ports = tuple(name for name, _ in levels.compared_ports(manifest, level))
+    port_map = None
     if choice.map is not None or choice.top is not None:
-        named = design_map.read(choice.map, manifest, level, choice.top)
-        if named.style == "none":
+        port_map = design_map.read(choice.map, manifest, level, choice.top)
+        if port_map.style == "none":
             raise ConfigError(f"{choice.map}: reset.style: 'none': an induction begins with a reset")
     if choice.files is not None:
-        found = [sources.of_list(choice.files)]
+        candidate_sources = [sources.of_list(choice.files)]
     else:
-        found = sources.of_folder(rtl, block.stem) or (sources.of_folder(rtl, named.top) if named else [])
-    found = [own for own in found if own.language == "verilog"]
-    if not found:
+        candidate_sources = sources.of_folder(rtl, block.stem) or (sources.of_folder(rtl, port_map.top) if port_map else [])
+    candidate_sources = [candidate for candidate in candidate_sources if candidate.language == "verilog"]
+    if not candidate_sources:
         raise FileError(f"{choice.files or rtl}: no {block.stem}.v or .sv; a proof reads Verilog")
-    if named is None:
-        return _Design(found[0], ports, block.module, "")
-    return _Design(found[0], ports, wrapper.name_of(manifest), wrapper.verilog(manifest, named))
+    if port_map is None:
+        return _Design(candidate_sources[0], ports, block.module, "")
+    return _Design(candidate_sources[0], ports, wrapper.name_of(manifest), wrapper.verilog(manifest, port_map))
 
 
 def _top(block, case, checker, design):
     """Verilog: design and properties, both with the parameters of the case, over free inputs."""
-    given = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)]
-    known = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
+    parameter_values = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)]
+    checker_parameters = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
     inputs = [("clk", 1), *((p.name, p.width) for p in block.columns)]
-    found = [(name, p.width) for name, p in layout.results(block)]
-    widths = dict(inputs + found)
-    for name, width in _ports(checker):
+    result_ports = [(name, p.width) for name, p in layout.results(block)]
+    widths = dict(inputs + result_ports)
+    for name, width in _checker_ports(checker):
         if widths.get(name) != width:
             raise FileError(f"{block.stem}: the properties speak of a port {name} of {width} bits; there is none")
 
@@ -142,21 +142,21 @@ def _top(block, case, checker, design):
         ports = ", ".join(f".{name}({name})" for name in names)
         return f"    {module} #({values}) {label} ({ports});" if values else f"    {module} {label} ({ports});"
 
-    unseen = [(name, width) for name, width in found if name not in design.ports]
+    unseen = [(name, width) for name, width in result_ports if name not in design.ports]
     ports = ", ".join(f"input wire [{width - 1}:0] {name}" for name, width in inputs + unseen)
     lines = [f"module {TOP} ({ports});"]
-    lines += [f"    wire [{width - 1}:0] {name};" for name, width in found if name in design.ports]
-    lines.append(instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), given))
-    used = [name for name, _ in _ports(checker)]
-    lines.append(instance(f"prove_{block.stem}", "properties", used, [g for g in given if g[0] in known]))
+    lines += [f"    wire [{width - 1}:0] {name};" for name, width in result_ports if name in design.ports]
+    lines.append(instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), parameter_values))
+    used = [name for name, _ in _checker_ports(checker)]
+    lines.append(instance(f"prove_{block.stem}", "properties", used, [g for g in parameter_values if g[0] in checker_parameters]))
     return "\n".join([*lines, "endmodule"]) + "\n", [name for name, _ in unseen]
 
 
-def _script(design, unseen, asked):
+def _script(design, unseen, proof_command):
     """Commands for yosys: read, flatten, take out what speaks of an unseen port, prove."""
-    own = design.sources
-    options = "".join(f" -I{folder}" for folder in own.includes) + "".join(f" -D{macro}" for macro in own.defines)
-    lines = [f"read_verilog -defer{' -sv' * (path.suffix == '.sv')}{options} {path}" for path in own.files]
+    design_sources = design.sources
+    options = "".join(f" -I{folder}" for folder in design_sources.includes) + "".join(f" -D{macro}" for macro in design_sources.defines)
+    lines = [f"read_verilog -defer{' -sv' * (path.suffix == '.sv')}{options} {path}" for path in design_sources.files]
     lines += ["read_verilog -defer wrapper.v"] if design.wrapper else []
     lines += [
         "read_verilog -formal checker.v",
@@ -168,7 +168,7 @@ def _script(design, unseen, asked):
         "techmap -map sync_reset.v; memory_map; opt -nodffe -nosdff; check -assert",
         "chformal -cover -remove",
     ]
-    return [*lines, asked]
+    return [*lines, proof_command]
 
 
 def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=None, choice=AS_OURS):
@@ -187,30 +187,30 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
     block, checker = blocks.BLOCKS[stem], (PROPERTIES / f"{stem}.v").read_text()
     design = _design(block, case, rtl, choice)
     properties = labels(checker)
-    wanted = properties if only is None else tuple(only)
-    for name in wanted:
+    selected_properties = properties if only is None else tuple(only)
+    for name in selected_properties:
         if name not in properties:
             raise ConfigError(f"{stem}: has no property {name}; known: {', '.join(properties)}")
-    kept = re.sub(r"\b(\w+): assert\b", lambda m: m[0] if m[1] in wanted else f"{m[1]}: cover", checker)
+    selected_checker = re.sub(r"\b(\w+): assert\b", lambda m: m[0] if m[1] in selected_properties else f"{m[1]}: cover", checker)
     text, unseen = _top(block, case, checker, design)
-    asked = (
+    proof_command = (
         f"sat -tempinduct{'-baseonly' if base_only else ''} -prove-asserts -set-assumes -maxsteps {steps} "
         f"-timeout {TIMEOUT_S} {TOP}"
     )
     began, invariant = time.perf_counter(), ()
     with tempfile.TemporaryDirectory(prefix="gyro-formal-") as temporary:
         work = Path(folder or temporary)
-        script = "\n".join(_script(design, unseen, asked)) + "\n"
-        files = {"checker.v": kept, "top.v": text, "wrapper.v": design.wrapper, "sync_reset.v": SYNC_RESET}
-        for name, own in {**files, "proof.ys": script}.items():
-            (work / name).write_text(own)
-        said = _run(work, f"{rtl}: {stem}/{case}")
+        script = "\n".join(_script(design, unseen, proof_command)) + "\n"
+        files = {"checker.v": selected_checker, "top.v": text, "wrapper.v": design.wrapper, "sync_reset.v": SYNC_RESET}
+        for name, file_text in {**files, "proof.ys": script}.items():
+            (work / name).write_text(file_text)
+        yosys_log = _run_yosys(work, f"{rtl}: {stem}/{case}")
         tried = re.findall(r"properties\.(\w+)$", (work / "tried.txt").read_text(), re.M)
-        tried = tuple(name for name in wanted if name in tried)
-        proven, reached, why = _verdict(said)
+        tried = tuple(name for name in selected_properties if name in tried)
+        proven, reached, why = _verdict(yosys_log)
         if why.startswith("no failure") and not base_only and len(tried) == 1 and shutil.which("yosys-abc"):
             (work / "proof.ys").write_text("\n".join(_script(design, unseen, AIGER)) + "\n")
-            _run(work, f"{rtl}: {stem}/{case}")
+            _run_yosys(work, f"{rtl}: {stem}/{case}")
             proven, why = _invariant(work, why)
             invariant = tried * proven
     level = choice.level or "registers"
@@ -218,47 +218,47 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
         raise ConfigError(f"level: no property of {stem} speaks of ports at level {level} alone")
     if why.startswith("no failure") and not base_only and len(tried) > 1:
         # the others may stand without it
-        alone = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
-        proven, invariant = all(found.proven for found in alone), sum((found.invariant for found in alone), ())
-        broken = next((found for found in alone if found.why.startswith("a property fails")), None)
-        open_ones = ", ".join(found.properties[0] for found in alone if not found.proven)
+        single_proofs = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
+        proven, invariant = all(single_proof.proven for single_proof in single_proofs), sum((single_proof.invariant for single_proof in single_proofs), ())
+        broken = next((single_proof for single_proof in single_proofs if single_proof.why.startswith("a property fails")), None)
+        open_ones = ", ".join(single_proof.properties[0] for single_proof in single_proofs if not single_proof.proven)
         why = f"{why} of {open_ones}; the rest is proven" if open_ones else ""
         why = f"{broken.why}: {broken.properties[0]}" if broken else why
-    left = tuple(name for name in wanted if name not in tried)
-    return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, left, invariant)
+    untried_properties = tuple(name for name in selected_properties if name not in tried)
+    return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, untried_properties, invariant)
 
 
-def _run(work, what):
+def _run_yosys(work, what):
     """What yosys says; FileError with its one line of error, or where it has cut a port of the design."""
     try:
-        said = run_tool(["yosys", "proof.ys"], work, what)
+        yosys_log = run_tool(["yosys", "proof.ys"], work, what)
     except FileError as problem:
-        found = re.search(r".*ERROR: .*", str(problem))
-        if found is None:
+        error_match = re.search(r".*ERROR: .*", str(problem))
+        if error_match is None:
             raise
-        raise FileError(f"{what}: yosys: {found[0].replace(f'{work}/', '')}") from None
-    cut = re.search(r"Resizing cell port \w+\.\w+\.(\w+) from (\d+) bits to (\d+) bits", said)
+        raise FileError(f"{what}: yosys: {error_match[0].replace(f'{work}/', '')}") from None
+    cut = re.search(r"Resizing cell port \w+\.\w+\.(\w+) from (\d+) bits to (\d+) bits", yosys_log)
     if cut:
         raise FileError(f"{what}: port {cut[1]} of the design has {cut[3]} bits, not {cut[2]}")
-    return said
+    return yosys_log
 
 
-def _verdict(said):
+def _verdict(yosys_log):
     """(proven, steps, why not) from what `sat` said."""
-    reached = max(map(int, re.findall(r"\[(?:base case|induction step) (\d+)\]", said)), default=0)
-    if "Induction step proven: SUCCESS!" in said:
+    reached = max(map(int, re.findall(r"\[(?:base case|induction step) (\d+)\]", yosys_log)), default=0)
+    if "Induction step proven: SUCCESS!" in yosys_log:
         return True, reached, ""
-    if "model found for base case: FAIL" in said:
+    if "model found for base case: FAIL" in yosys_log:
         return False, reached, f"a property fails {reached} clocks after power-on"
-    if "Timeout" in said or "timeout" in said:
+    if "Timeout" in yosys_log or "timeout" in yosys_log:
         return False, reached, f"no answer within {TIMEOUT_S} s"
     return False, reached, f"no failure within {reached} clocks, and no proof"
 
 
 def _invariant(work, why):
     """(proven, why not) by property-directed reachability; `why` where it has no answer either."""
-    said = run_tool(["yosys-abc", "-c", INVARIANT], work, "proof")
-    found = re.search(r"asserted in frame (\d+)", said)
-    if found:
-        return False, f"a property fails {found[1]} clocks after power-on"
-    return ("Property proved" in said, "" if "Property proved" in said else why)
+    abc_output = run_tool(["yosys-abc", "-c", INVARIANT], work, "proof")
+    failure_match = re.search(r"asserted in frame (\d+)", abc_output)
+    if failure_match:
+        return False, f"a property fails {failure_match[1]} clocks after power-on"
+    return ("Property proved" in abc_output, "" if "Property proved" in abc_output else why)

@@ -91,5 +91,5 @@ def synthesise(rtl, family=None, name="analog", folder=None):
         write_text(work / "synth.ys", script(sources(rtl), family))
         run_tool(["yosys", "-q", "synth.ys"], work, f"{rtl}: synthesis for {family or 'no family'}, board {name}")
         cells = json.loads((work / "cells.json").read_text()) if family else None
-    found = cells["modules"][f"\\{board.MODULE}"]["num_cells_by_type"] if cells else {}
-    return Netlist(family, name, found, cells["creator"] if cells else "", time.perf_counter() - began)
+    cell_counts = cells["modules"][f"\\{board.MODULE}"]["num_cells_by_type"] if cells else {}
+    return Netlist(family, name, cell_counts, cells["creator"] if cells else "", time.perf_counter() - began)

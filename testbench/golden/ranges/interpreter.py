@@ -28,7 +28,7 @@ class Unsupported(Exception):
     """Something that no kernel of the firmware uses."""
 
 
-class Place(NamedTuple):
+class SourceOperation(NamedTuple):
     """An operation in the source: function, line, text."""
 
     function: str
@@ -88,9 +88,9 @@ class Interpreter:
     problems  {Place: text} of what int64 or the HDL could see otherwise: shift counts, table indices
     """
 
-    def __init__(self, hooks=None, stored=None, apart=(), kept=frozenset(), tied=frozenset()):
-        self.hooks, self.stored, self.apart = hooks or {}, stored, apart
-        self.kept, self.tied = kept, tied
+    def __init__(self, hooks=None, stored=None, split_functions=(), tracked_names=frozenset(), tied=frozenset()):
+        self.hooks, self.stored, self.apart = hooks or {}, stored, split_functions
+        self.kept, self.tied = tracked_names, tied
         self.notes, self.problems = {}, {}
         self.where, self.seen = [], {}
 
@@ -107,17 +107,17 @@ class Interpreter:
                 returned += back
             paths = live
             if len(self.where) > 1:
-                paths = merged(live, self.where[-1].tested | self.kept, self.tied)
+                paths = merge_paths(live, self.where[-1].tested | self.kept, self.tied)
             if not paths:
                 break
         return paths, returned
 
     def statement(self, node, path):
         if isinstance(node, ast.Return):
-            return [], self.forked(node.value, path)
+            return [], self.fork_paths(node.value, path)
         if isinstance(node, ast.Assign):
             out = []
-            for after, value in self.forked(node.value, path):
+            for after, value in self.fork_paths(node.value, path):
                 for target in node.targets:
                     self.assign(target, value, after)
                 out.append(after)
@@ -126,7 +126,7 @@ class Interpreter:
             path.env[node.target.id] = self.single(_spelt_out(node), path)
             return [path], []
         if isinstance(node, ast.If):
-            true, false = self.test(node.test, path)
+            true, false = self.split_paths(node.test, path)
             live, returned = self.run(node.body, true)
             other, back = self.run(node.orelse, false)
             return live + other, returned + back
@@ -134,7 +134,7 @@ class Interpreter:
             if not isinstance(node.value, ast.Constant):
                 self.single(node.value, path)
             return [path], []
-        raise self.refused(node)
+        raise self.unsupported_error(node)
 
     def assign(self, target, value, path):
         if isinstance(target, ast.Name):
@@ -145,30 +145,30 @@ class Interpreter:
         elif isinstance(target, ast.Subscript) and self.stored:
             self.stored(target.value.id, self.single(target.slice, path), value, path)
         else:
-            raise self.refused(target)
+            raise self.unsupported_error(target)
 
     # ---- conditions --------------------------------------------------------------------------------------------------
 
-    def test(self, node, path):
+    def split_paths(self, node, path):
         """(paths where it holds, paths where it does not)."""
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            return self.test(node.operand, path)[::-1]
+            return self.split_paths(node.operand, path)[::-1]
         if isinstance(node, ast.BoolOp):
-            on, done = [path], []
+            on, decided_paths = [path], []
             for part in node.values:
                 following = []
                 for way in on:
-                    true, false = self.test(part, way)
+                    true, false = self.split_paths(part, way)
                     following += true if isinstance(node.op, ast.And) else false
-                    done += false if isinstance(node.op, ast.And) else true
+                    decided_paths += false if isinstance(node.op, ast.And) else true
                 on = following
-            return (on, done) if isinstance(node.op, ast.And) else (done, on)
+            return (on, decided_paths) if isinstance(node.op, ast.And) else (decided_paths, on)
         if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Is):  # an optional part is there, or not
-            there = self.single(node.left, path) is not self.single(node.comparators[0], path)
-            return ([], [path]) if there else ([path], [])
+            is_present = self.single(node.left, path) is not self.single(node.comparators[0], path)
+            return ([], [path]) if is_present else ([path], [])
         if isinstance(node, ast.Compare):
             if len(node.ops) != 1 or type(node.ops[0]) not in COMPARE:
-                raise self.refused(node)
+                raise self.unsupported_error(node)
             op = COMPARE[type(node.ops[0])]
             a, b = self.single(node.left, path), self.single(node.comparators[0], path)
         else:
@@ -176,7 +176,7 @@ class Interpreter:
         if isinstance(a, tuple) and isinstance(b, tuple):
             return [path.copy()], [path]
         if not (is_number(a) and is_number(b)):
-            raise self.refused(node)
+            raise self.unsupported_error(node)
         true = path.copy()
         return (
             [true] if true.compare(op, a, b) else [],
@@ -188,51 +188,51 @@ class Interpreter:
     def single(self, node, path):
         """One value; `path` takes on what the ways to it have in common."""
         if not isinstance(node, FORKING):
-            return self.plain(node, path)
+            return self.evaluate_expression(node, path)
         if isinstance(node, ast.Call):
             func = self.single(node.func, path)
             if (hasattr(func, "py_func") or inspect.isfunction(func)) and func not in self.hooks:
-                return self.closed(func, *self.arguments(node, path), path)
+                return self.evaluate_memoised_call(func, *self.arguments(node, path), path)
         env = path.env
-        after, value = join(self.forked(node, path.copy(env)), env)
+        after, value = join(self.fork_paths(node, path.copy(env)), env)
         path.bounds, path.relations = after.bounds, after.relations
         return value
 
-    def forked(self, node, path):
+    def fork_paths(self, node, path):
         """[(path, value)], a pair for each way."""
         if isinstance(node, ast.IfExp):
-            true, false = self.test(node.test, path)
+            true, false = self.split_paths(node.test, path)
             return [
                 pair for ways, part in ((true, node.body), (false, node.orelse)) for w in ways
-                for pair in self.forked(part, w)
+                for pair in self.fork_paths(part, w)
             ]  # fmt: skip
         if isinstance(node, ast.Compare):
-            true, false = self.test(node, path)
+            true, false = self.split_paths(node, path)
             return [(way, 1) for way in true] + [(way, 0) for way in false]
         if isinstance(node, ast.BoolOp):
             return self.boolean(node, path)
         if isinstance(node, ast.Call):
             return self.call(node, path)
-        value = self.plain(node, path)
+        value = self.evaluate_expression(node, path)
         return [(path, value)]
 
     def boolean(self, node, path):
         """`and`, `or` as values: the operand that decides."""
-        on, found = [path], []
+        on, path_values = [path], []
         for part in node.values[:-1]:
             following = []
             for way in on:
-                true, false = self.test(part, way)
+                true, false = self.split_paths(part, way)
                 if isinstance(node.op, ast.And):
                     following += true
-                    found += [(w, 0) for w in false]
+                    path_values += [(w, 0) for w in false]
                 else:
                     following += false
-                    found += [pair for w in true for pair in self.forked(part, w)]
+                    path_values += [pair for w in true for pair in self.fork_paths(part, w)]
             on = following
-        return found + [pair for way in on for pair in self.forked(node.values[-1], way)]
+        return path_values + [pair for way in on for pair in self.fork_paths(node.values[-1], way)]
 
-    def plain(self, node, path):
+    def evaluate_expression(self, node, path):
         """Value of an expression that does not fork by itself."""
         if isinstance(node, ast.Name):  # the most frequent first
             return self.name(node, path)
@@ -245,12 +245,12 @@ class Interpreter:
         if isinstance(node, ast.Subscript):
             return self.subscript(node, path)
         if isinstance(node, ast.BinOp):
-            return self.binary(node, path)
+            return self.evaluate_binary(node, path)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.Invert)):
             x = self.single(node.operand, path)
             value = path.add(0 if isinstance(node.op, ast.USub) else -1, x, -1)
-            return self.note(node, path, value)
-        raise self.refused(node)
+            return self.track_range(node, path, value)
+        raise self.unsupported_error(node)
 
     def name(self, node, path):
         if node.id in path.env:
@@ -260,7 +260,7 @@ class Interpreter:
             return names[node.id]
         if node.id in ("int", "abs"):
             return {"int": int, "abs": abs}[node.id]
-        raise self.refused(node)
+        raise self.unsupported_error(node)
 
     def subscript(self, node, path):
         base = self.single(node.value, path)
@@ -268,7 +268,7 @@ class Interpreter:
             ends = (node.slice.lower, node.slice.upper, node.slice.step)
             return base[slice(*(None if end is None else self.single(end, path) for end in ends))]
         index = self.single(node.slice, path)
-        lo, hi = path.span(index)
+        lo, hi = path.value_interval(index)
         if not 0 <= lo <= hi < len(base):
             self.problem(node, f"index {lo} .. {hi} of {len(base)} entries")
             lo, hi = max(lo, 0), min(hi, len(base) - 1)
@@ -279,12 +279,12 @@ class Interpreter:
             return path.word(base, index)
         return join([(path, base[k]) for k in range(lo, hi + 1)], path.env)[1]
 
-    def binary(self, node, path):
+    def evaluate_binary(self, node, path):
         a, b = self.single(node.left, path), self.single(node.right, path)
         if isinstance(a, tuple) and isinstance(b, tuple) and isinstance(node.op, ast.Add):
             return a + b
         if not (is_number(a) and is_number(b)):
-            raise self.refused(node)
+            raise self.unsupported_error(node)
         if type(node.op) in BITWISE:
             value = path.bitwise(BITWISE[type(node.op)], a, b)
         elif isinstance(node.op, (ast.Add, ast.Sub)):
@@ -294,22 +294,22 @@ class Interpreter:
         elif isinstance(node.op, (ast.LShift, ast.RShift)):
             value = self.shift(node, path, a, b)
         else:
-            raise self.refused(node)
-        return self.note(node, path, value)
+            raise self.unsupported_error(node)
+        return self.track_range(node, path, value)
 
     def shift(self, node, path, a, b):
         move = path.shl if isinstance(node.op, ast.LShift) else path.shr
-        lo, hi = path.span(b)
+        lo, hi = path.value_interval(b)
         if not 0 <= lo <= hi <= MOST_SHIFT:
             self.problem(node, f"shift by {lo} .. {hi}, outside 0 .. {MOST_SHIFT}")
             lo, hi = max(lo, 0), min(max(hi, 0), MOST_SHIFT)
         if lo == hi:
             return move(a, lo)
-        spans = [path.span(move(a, n)) for n in range(lo, hi + 1)]
-        found = path.new(min(low for low, _ in spans), max(high for _, high in spans))
-        if move == path.shl and isinstance(a, int) and a > 0 and isinstance(found, Lin):
-            path.run.powers[found.terms[0][0]] = (a, b)
-        return found
+        spans = [path.value_interval(move(a, n)) for n in range(lo, hi + 1)]
+        shifted_value = path.new(min(low for low, _ in spans), max(high for _, high in spans))
+        if move == path.shl and isinstance(a, int) and a > 0 and isinstance(shifted_value, Lin):
+            path.run.powers[shifted_value.terms[0][0]] = (a, b)
+        return shifted_value
 
     # ---- calls -------------------------------------------------------------------------------------------------------
 
@@ -317,30 +317,30 @@ class Interpreter:
         func = self.single(node.func, path)
         if isinstance(func, type) and hasattr(func, "_fields"):
             return self.record(func, node, path)
-        given, named = self.arguments(node, path)
+        positional, keywords = self.arguments(node, path)
         if func in self.hooks:
-            return [(path, self.hooks[func](path, *given, **named))]
+            return [(path, self.hooks[func](path, *positional, **keywords))]
         if func is int:
-            return [(path, given[0])]
+            return [(path, positional[0])]
         if func is abs:
-            return [(path, self.note(node, path, path.magnitude(given[0])))]
-        return self.function(func, given, named, path)
+            return [(path, self.track_range(node, path, path.magnitude(positional[0])))]
+        return self.function(func, positional, keywords, path)
 
     def arguments(self, node, path):
-        given = [self.single(item, path) for item in node.args]
-        return given, {item.arg: self.single(item.value, path) for item in node.keywords}
+        positional = [self.single(item, path) for item in node.args]
+        return positional, {item.arg: self.single(item.value, path) for item in node.keywords}
 
-    def closed(self, func, given, named, path):
+    def evaluate_memoised_call(self, func, positional, keywords, path):
         """One value of a call, from its arguments alone: the same arguments and intervals give the same value."""
-        values = (*given, *named.values())
-        atoms = sorted(set(atoms_of(values)))
-        own = set(atoms)
-        relations = tuple(r for r in path.relations if all(atom in own for atom, _ in r[0]))
-        key = (func, values, tuple(named), tuple(path.bounds[atom] for atom in atoms), relations)
+        values = (*positional, *keywords.values())
+        atoms = sorted(set(iterate_atoms(values)))
+        argument_atoms = set(atoms)
+        relations = tuple(r for r in path.relations if all(atom in argument_atoms for atom, _ in r[0]))
+        key = (func, values, tuple(keywords), tuple(path.bounds[atom] for atom in atoms), relations)
         if key not in self.seen:
             inside = Path(path.run, {}, {atom: path.bounds[atom] for atom in atoms}, relations)
-            after, value = join(self.function(func, given, named, inside), {})
-            self.seen[key] = value, {atom: after.bounds[atom] for atom in set(atoms_of((value,)))}
+            after, value = join(self.function(func, positional, keywords, inside), {})
+            self.seen[key] = value, {atom: after.bounds[atom] for atom in set(iterate_atoms((value,)))}
         value, bounds = self.seen[key]
         for atom, (lo, hi) in bounds.items():
             least, most = path.bounds.get(atom, (lo, hi))
@@ -349,28 +349,28 @@ class Interpreter:
 
     def record(self, func, node, path):
         """A record; ways through the functions that are kept apart stay apart."""
-        found = [(path, ())]
+        path_values = [(path, ())]
         names = func._fields[: len(node.args)] + tuple(item.arg for item in node.keywords)
         for part in (*node.args, *(item.value for item in node.keywords)):
             split = isinstance(part, ast.Call) and self.single(part.func, path) in self.apart
             following = []
-            for way, values in found:
-                pairs = self.forked(part, way) if split else [(way, self.single(part, way))]
+            for way, values in path_values:
+                pairs = self.fork_paths(part, way) if split else [(way, self.single(part, way))]
                 following += [(after, (*values, value)) for after, value in pairs]
-            found = following
-        return [(way, func(**dict(zip(names, values)))) for way, values in found]
+            path_values = following
+        return [(way, func(**dict(zip(names, values)))) for way, values in path_values]
 
-    def function(self, func, given, named, path):
+    def function(self, func, positional, keywords, path):
         """Ways through a function, joined where they return the same constant or no constant at all."""
-        found = source(func)
-        parameters = [item.arg for item in found.tree.args.args]
-        env = {**dict(zip(parameters, given)), **named}
-        self.where.append(found)
-        on, returned = self.run(found.tree.body, [path.copy(env)])
+        function_source = source(func)
+        parameters = [item.arg for item in function_source.tree.args.args]
+        env = {**dict(zip(parameters, positional)), **keywords}
+        self.where.append(function_source)
+        on, returned = self.run(function_source.tree.body, [path.copy(env)])
         self.where.pop()
         if on or not returned:
-            raise Unsupported(f"{found.name}: a way through it returns nothing")
-        return [join(group, dict(path.env)) for group in self.groups(found.name, returned)]
+            raise Unsupported(f"{function_source.name}: a way through it returns nothing")
+        return [join(group, dict(path.env)) for group in self.groups(function_source.name, returned)]
 
     def groups(self, name, returned):
         """Ways that are joined: those with one constant; a record keeps its ways, whatever else is one way."""
@@ -381,63 +381,63 @@ class Interpreter:
             return [[pair] for pair in returned]
         groups = {}
         for way, value in returned:
-            known = way.value(value) if is_number(value) else None
+            constant = way.value(value) if is_number(value) else None
             if records:
-                known = tuple(x if isinstance(x, int) else None for x in value)
-            groups.setdefault(None if isinstance(known, Lin) else known, []).append((way, value))
+                constant = tuple(x if isinstance(x, int) else None for x in value)
+            groups.setdefault(None if isinstance(constant, Lin) else constant, []).append((way, value))
         return list(groups.values()) if len(groups) <= MOST_PATHS else [returned]
 
     # ---- records -----------------------------------------------------------------------------------------------------
 
-    def place(self, node):
-        found = self.where[-1]
-        text = ast.get_source_segment(found.text, node) if hasattr(node, "end_lineno") else None
-        return Place(found.name, found.first + node.lineno, " ".join((text or ast.unparse(node)).split()))
+    def source_operation(self, node):
+        function_source = self.where[-1]
+        text = ast.get_source_segment(function_source.text, node) if hasattr(node, "end_lineno") else None
+        return SourceOperation(function_source.name, function_source.first + node.lineno, " ".join((text or ast.unparse(node)).split()))
 
-    def note(self, node, path, value):
+    def track_range(self, node, path, value):
         key = (self.where[-1].name, node)
-        lo, hi = path.span(value)
+        lo, hi = path.value_interval(value)
         ends = self.notes.setdefault(key, [lo, hi])
         ends[0], ends[1] = min(ends[0], lo), max(ends[1], hi)
-        if key not in PLACES:
-            PLACES[key] = self.place(node)
+        if key not in OPERATIONS:
+            OPERATIONS[key] = self.source_operation(node)
         return value
 
     def problem(self, node, text):
-        self.problems[self.place(node)] = text
+        self.problems[self.source_operation(node)] = text
 
-    def refused(self, node):
+    def unsupported_error(self, node):
         where = self.where[-1] if self.where else None
         line = where.first + node.lineno if where else 0
         return Unsupported(f"{where.name if where else '?'}, line {line}: {ast.unparse(node)} is not understood")
 
 
-PLACES = {}  # (function, node) -> Place, found once: the text of a node takes long to cut out
+OPERATIONS = {}  # (function, node) -> Place, found once: the text of a node takes long to cut out
 
 
-def atoms_of(values):
+def iterate_atoms(values):
     """Atoms of values and records of values."""
     for value in values:
         if isinstance(value, Lin):
             for atom, _ in value.terms:
                 yield atom
         elif isinstance(value, tuple):
-            yield from atoms_of(value)
+            yield from iterate_atoms(value)
 
 
-def merged(paths, kept, tied):
-    """Paths with the same constants under the `kept` names become one; `tied` names count with any value."""
+def merge_paths(paths, tracked_names, tied):
+    """Paths with the same constants under the `tracked_names` names become one; `tied` names count with any value."""
     if len(paths) < 2:
         return paths
     groups = {}
     for path in paths:
-        known = []
+        constants = []
         for name, value in path.env.items():
-            if (name in kept or name in tied) and is_number(value):
+            if (name in tracked_names or name in tied) and is_number(value):
                 value = path.value(value)
                 if name in tied or not isinstance(value, Lin):
-                    known.append((name, value))
-        groups.setdefault(tuple(known), []).append((path, None))
+                    constants.append((name, value))
+        groups.setdefault(tuple(constants), []).append((path, None))
     if len(groups) > MOST_PATHS:
         groups = {None: [(path, None) for path in paths]}
     return [join(group)[0] for group in groups.values()]

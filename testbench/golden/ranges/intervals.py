@@ -31,12 +31,12 @@ class Lin:
         return hash((self.const, self.terms, self.shift))
 
 
-def _sum(a, b, k):
+def _add_terms(a, b, k):
     """Terms of a + k*b."""
-    found = dict(a)
+    coefficients = dict(a)
     for atom, coef in b:
-        found[atom] = found.get(atom, 0) + k * coef
-    return tuple(sorted((atom, coef) for atom, coef in found.items() if coef))
+        coefficients[atom] = coefficients.get(atom, 0) + k * coef
+    return tuple(sorted((atom, coef) for atom, coef in coefficients.items() if coef))
 
 
 def form(const, terms, shift=0):
@@ -48,12 +48,12 @@ def form(const, terms, shift=0):
     return Lin(const, terms, shift)
 
 
-def _apart(x):
+def _split_shift(x):
     """(whole part, shifted part) of a shifted sum: terms that the shift divides need not be under it."""
     unit = 1 << x.shift
     outer = tuple((atom, coef >> x.shift) for atom, coef in x.terms if coef % unit == 0)
-    rest = tuple((atom, coef) for atom, coef in x.terms if coef % unit)
-    return Lin(x.const >> x.shift, outer), Lin(x.const % unit, rest, x.shift)
+    remainder_terms = tuple((atom, coef) for atom, coef in x.terms if coef % unit)
+    return Lin(x.const >> x.shift, outer), Lin(x.const % unit, remainder_terms, x.shift)
 
 
 class Run:
@@ -91,7 +91,7 @@ class Path:
 
     # ---- intervals ---------------------------------------------------------------------------------------------------
 
-    def _plain(self, const, terms):
+    def _atom_interval(self, const, terms):
         lo = hi = const
         bounds = self.bounds
         for atom, coef in terms:
@@ -104,9 +104,9 @@ class Path:
                 hi += coef * least
         return lo, hi
 
-    def _related(self, const, terms, depth):
+    def _relation_interval(self, const, terms, depth):
         """Interval of a sum by itself, by the table behind it, and less a multiple of each relation."""
-        lo, hi = self._plain(const, terms)
+        lo, hi = self._atom_interval(const, terms)
         images = self.run.images
         if len(terms) > 1 and terms[0][0] in images:
             roots = {images[atom][0] if atom in images else None for atom, _ in terms}
@@ -117,39 +117,39 @@ class Path:
             return lo, hi
         for relation, least, most in self.relations:
             tried = set()
-            known = dict(relation)
+            relation_coefs = dict(relation)
             for atom, coef in terms:
-                if atom not in known:
+                if atom not in relation_coefs:
                     continue
-                k, odd = divmod(coef, known[atom])
+                k, odd = divmod(coef, relation_coefs[atom])
                 if odd or k in tried:
                     continue
                 tried.add(k)
-                low, high = self._related(const, _sum(terms, relation, -k), depth - 1)
+                low, high = self._relation_interval(const, _add_terms(terms, relation, -k), depth - 1)
                 low, high = (low + k * least, high + k * most) if k > 0 else (low + k * most, high + k * least)
                 lo, hi = max(lo, low), min(hi, high)
         return lo, hi
 
-    def span(self, x):
+    def value_interval(self, x):
         """(lowest, highest) of a value."""
         if not isinstance(x, Lin):
             return int(x), int(x)
-        lo, hi = self._related(x.const, x.terms, 2)
+        lo, hi = self._relation_interval(x.const, x.terms, 2)
         if not x.shift:
             return lo, hi
         lo, hi = lo >> x.shift, hi >> x.shift
-        outer, rest = _apart(x)
-        atom = self.run.known.get((">>", rest))
+        outer, shifted_part = _split_shift(x)
+        atom = self.run.known.get((">>", shifted_part))
         if atom in self.bounds:
             # a condition may have narrowed the atom that the shifted part became
-            least, most = self._related(outer.const, _sum(outer.terms, ((atom, 1),), 1), 2)
+            least, most = self._relation_interval(outer.const, _add_terms(outer.terms, ((atom, 1),), 1), 2)
             lo, hi = max(lo, least), min(hi, most)
         return lo, hi
 
     def value(self, x):
         """The same value, as an int where only one is possible."""
         if isinstance(x, Lin):
-            lo, hi = self.span(x) if x.shift else self._plain(x.const, x.terms)
+            lo, hi = self.value_interval(x) if x.shift else self._atom_interval(x.const, x.terms)
             if lo == hi:
                 return lo
         return x
@@ -166,28 +166,28 @@ class Path:
 
     # ---- arithmetic --------------------------------------------------------------------------------------------------
 
-    def whole(self, x):
+    def remove_shift(self, x):
         """The value without a shift: a shifted sum becomes an atom."""
         if not isinstance(x, Lin) or not x.shift:
             return x
-        outer, rest = _apart(x)
-        found = self.new(*self.span(rest), key=(">>", rest))
-        image = self._image(Lin(rest.const, rest.terms))
-        if image is not None and isinstance(found, Lin):
-            self.run.images[found.terms[0][0]] = (image[0], image[1] >> x.shift)
-        return self.add(outer, found) if outer.terms or outer.const else found
+        outer, shifted_part = _split_shift(x)
+        atom_value = self.new(*self.value_interval(shifted_part), key=(">>", shifted_part))
+        image = self._table_image(Lin(shifted_part.const, shifted_part.terms))
+        if image is not None and isinstance(atom_value, Lin):
+            self.run.images[atom_value.terms[0][0]] = (image[0], image[1] >> x.shift)
+        return self.add(outer, atom_value) if outer.terms or outer.const else atom_value
 
-    def _image(self, x):
+    def _table_image(self, x):
         """(root, words) of a value that is made of one table alone, or None."""
-        found = self.run.images.get(x.terms[0][0]) if isinstance(x, Lin) and len(x.terms) == 1 else None
-        return None if found is None or x.shift else (found[0], x.const + x.terms[0][1] * found[1])
+        root_image = self.run.images.get(x.terms[0][0]) if isinstance(x, Lin) and len(x.terms) == 1 else None
+        return None if root_image is None or x.shift else (root_image[0], x.const + x.terms[0][1] * root_image[1])
 
     def add(self, a, b, k=1):
         """a + k*b."""
         if not isinstance(a, Lin) and not isinstance(b, Lin):
             return a + k * b
         if k != 1 or (isinstance(a, Lin) and isinstance(b, Lin) and a.shift and b.shift):
-            b = self.whole(b)
+            b = self.remove_shift(b)
             if not isinstance(a, Lin) and not isinstance(b, Lin):
                 return a + k * b
         if isinstance(b, Lin) and b.shift:
@@ -197,7 +197,7 @@ class Path:
         if not isinstance(b, Lin):
             return form(a.const + (k * b << a.shift), a.terms, a.shift)
         up = k << a.shift
-        return form(a.const + up * b.const, _sum(a.terms, b.terms, up), a.shift)
+        return form(a.const + up * b.const, _add_terms(a.terms, b.terms, up), a.shift)
 
     def mul(self, a, b):
         a, b = self.value(a), self.value(b)
@@ -207,21 +207,21 @@ class Path:
             a, b = b, a
         if not isinstance(b, Lin):
             return self.add(0, a, b)
-        a, b = self.whole(a), self.whole(b)
-        (al, ah), (bl, bh) = self.span(a), self.span(b)
+        a, b = self.remove_shift(a), self.remove_shift(b)
+        (al, ah), (bl, bh) = self.value_interval(a), self.value_interval(b)
         corners = (al * bl, al * bh, ah * bl, ah * bh)
         if a == b:
             low = 0 if al <= 0 <= ah else min(al * al, ah * ah)
             return self.new(low, max(corners), key=("*", a, b))
-        found = self.new(min(corners), max(corners), key=("*", a, b))
-        if self.relations and isinstance(found, Lin):
+        product = self.new(min(corners), max(corners), key=("*", a, b))
+        if self.relations and isinstance(product, Lin):
             # (a - al)(bh - b) >= 0 and (a - al)(b - bl) >= 0, without their products
-            self.assume(self.add(self.add(found, a, -bh), b, -al), hi=-al * bh)
-            self.assume(self.add(self.add(found, a, -bl), b, -al), lo=-al * bl)
-        return found
+            self.assume(self.add(self.add(product, a, -bh), b, -al), hi=-al * bh)
+            self.assume(self.add(self.add(product, a, -bl), b, -al), lo=-al * bl)
+        return product
 
     def shl(self, a, n):
-        return a << n if not isinstance(a, Lin) else self.add(0, self.whole(a), 1 << n)
+        return a << n if not isinstance(a, Lin) else self.add(0, self.remove_shift(a), 1 << n)
 
     def shr(self, a, n):
         return a >> n if not isinstance(a, Lin) else form(a.const, a.terms, a.shift + n)
@@ -231,7 +231,7 @@ class Path:
         a, b = self.value(a), self.value(b)
         if not isinstance(a, Lin) and not isinstance(b, Lin):
             return {"&": a & b, "|": a | b, "^": a ^ b}[op]
-        (al, ah), (bl, bh) = self.span(a), self.span(b)
+        (al, ah), (bl, bh) = self.value_interval(a), self.value_interval(b)
         if al >= 0 and bl >= 0 and op == "&":
             for x, top, mask in ((a, ah, b), (b, bh, a)):
                 if not isinstance(mask, Lin) and mask & (mask + 1) == 0 and top <= mask:
@@ -244,67 +244,67 @@ class Path:
         else:
             top = max((x if x >= 0 else -x - 1).bit_length() for x in (al, ah, bl, bh))
             lo, hi = -(1 << top), (1 << top) - 1
-        a, b = self.whole(a), self.whole(b)
+        a, b = self.remove_shift(a), self.remove_shift(b)
         image = None
-        if op == "&" and not isinstance(b, Lin) and (image := self._image(a)) is not None:
+        if op == "&" and not isinstance(b, Lin) and (image := self._table_image(a)) is not None:
             words = image[1] & b
             lo, hi = max(lo, int(words.min())), min(hi, int(words.max()))
-        found = self.new(lo, hi, key=(op, a, b))
-        if image is not None and isinstance(found, Lin):
-            self.run.images[found.terms[0][0]] = (image[0], words)
-        return found
+        bitwise_value = self.new(lo, hi, key=(op, a, b))
+        if image is not None and isinstance(bitwise_value, Lin):
+            self.run.images[bitwise_value.terms[0][0]] = (image[0], words)
+        return bitwise_value
 
     def magnitude(self, a):
         """abs(a)."""
-        lo, hi = self.span(a)
+        lo, hi = self.value_interval(a)
         if lo >= 0:
             return a
         if hi <= 0:
             return self.add(0, a, -1)
-        return self.new(0, max(-lo, hi), key=("abs", self.whole(a)))
+        return self.new(0, max(-lo, hi), key=("abs", self.remove_shift(a)))
 
     def word(self, table, index):
         """table[index]: the words that the index can reach."""
-        lo, hi = self.span(index)
+        lo, hi = self.value_interval(index)
         words = np.asarray(table[lo : hi + 1], np.int64)
-        found = self.new(int(words.min()), int(words.max()))
-        if isinstance(found, Lin):
-            atom = found.terms[0][0]
+        table_value = self.new(int(words.min()), int(words.max()))
+        if isinstance(table_value, Lin):
+            atom = table_value.terms[0][0]
             self.run.images[atom] = (atom, words)
-        return found
+        return table_value
 
     # ---- conditions --------------------------------------------------------------------------------------------------
 
     def _push(self, terms, lo, hi):
         """Narrow each atom of lo <= sum <= hi; False if nothing is left."""
-        least, most = self._plain(0, terms)
+        least, most = self._atom_interval(0, terms)
         for atom, coef in terms:
             low, high = self.bounds[atom]
-            own = (coef * low, coef * high) if coef > 0 else (coef * high, coef * low)
-            below, above = lo - (most - own[1]), hi - (least - own[0])  # of coef * atom
+            term_interval = (coef * low, coef * high) if coef > 0 else (coef * high, coef * low)
+            term_lo, term_hi = lo - (most - term_interval[1]), hi - (least - term_interval[0])  # of coef * atom
             if coef > 0:
-                new = (max(low, -(-below // coef)), min(high, above // coef))
+                new = (max(low, -(-term_lo // coef)), min(high, term_hi // coef))
             else:
-                new = (max(low, -(-above // coef)), min(high, below // coef))
+                new = (max(low, -(-term_hi // coef)), min(high, term_lo // coef))
             if new[0] > new[1]:
                 return False
             if new != (low, high):
                 self.bounds[atom] = new
-                if atom in self.run.powers and not self._shifted(atom, *new):
+                if atom in self.run.powers and not self._narrow_shift(atom, *new):
                     return False
-                least, most = self._plain(0, terms)
+                least, most = self._atom_interval(0, terms)
         return True
 
-    def _shifted(self, atom, lo, hi):
+    def _narrow_shift(self, atom, lo, hi):
         """Narrow n where atom = a << n lies in lo .. hi."""
         a, n = self.run.powers[atom]
-        fit = [k for k in range(self.span(n)[0], self.span(n)[1] + 1) if lo <= a << k <= hi]
+        fit = [k for k in range(self.value_interval(n)[0], self.value_interval(n)[1] + 1) if lo <= a << k <= hi]
         return bool(fit) and self.assume(n, fit[0], fit[-1])
 
     def assume(self, x, lo=None, hi=None):
         """Keep only lo <= x <= hi; False if that is impossible."""
-        x = self.whole(x)
-        least, most = self.span(x)
+        x = self.remove_shift(x)
+        least, most = self.value_interval(x)
         lo, hi = least if lo is None else max(lo, least), most if hi is None else min(hi, most)
         if lo > hi:
             return False
@@ -319,9 +319,9 @@ class Path:
 
     def compare(self, op, a, b):
         """Keep only `a op b`, op one of < <= > >= == !=; False if that is impossible."""
-        less = self.add(self.whole(a), self.whole(b), -1)
+        less = self.add(self.remove_shift(a), self.remove_shift(b), -1)
         if op == "!=":
-            lo, hi = self.span(less)
+            lo, hi = self.value_interval(less)
             if lo == hi == 0:
                 return False
             return self.assume(less, lo=1 if lo == 0 else None, hi=-1 if hi == 0 else None)
@@ -332,35 +332,35 @@ class Path:
 # ---- joins -----------------------------------------------------------------------------------------------------------
 
 
-def _together(path, found):
+def _join_values(path, path_values):
     """One value of several (path, value), valid in the joined `path`."""
-    first = found[0][1]
-    if all(value is first for _, value in found):
+    first = path_values[0][1]
+    if all(value is first for _, value in path_values):
         return first
-    if isinstance(first, tuple) and all(type(v) is type(first) and len(v) == len(first) for _, v in found):
-        items = [_together(path, [(p, v[k]) for p, v in found]) for k in range(len(first))]
+    if isinstance(first, tuple) and all(type(v) is type(first) and len(v) == len(first) for _, v in path_values):
+        items = [_join_values(path, [(p, v[k]) for p, v in path_values]) for k in range(len(first))]
         return type(first)(*items) if hasattr(first, "_fields") else tuple(items)
-    if not all(isinstance(value, (int, Lin)) for _, value in found):
-        raise TypeError(f"no join of {first!r} and {found[-1][1]!r}")
-    if all(value == first for _, value in found):
+    if not all(isinstance(value, (int, Lin)) for _, value in path_values):
+        raise TypeError(f"no join of {first!r} and {path_values[-1][1]!r}")
+    if all(value == first for _, value in path_values):
         return first
-    spans = [p.span(value) for p, value in found]
+    spans = [p.value_interval(value) for p, value in path_values]
     joined = path.new(min(lo for lo, _ in spans), max(hi for _, hi in spans))
     if isinstance(joined, Lin):
-        path.run.choices[joined.terms[0][0]] = [(value, span) for (_, value), span in zip(found, spans)]
+        path.run.choices[joined.terms[0][0]] = [(value, span) for (_, value), span in zip(path_values, spans)]
     return joined
 
 
-def join(found, env=None):
+def join(path_values, env=None):
     """(path, value) that covers several; local names are joined unless `env` is given."""
-    if len(found) == 1:
-        path, value = found[0]
+    if len(path_values) == 1:
+        path, value = path_values[0]
         return (path if env is None else path.copy(env)), value
-    paths = [path for path, _ in found]
+    paths = [path for path, _ in path_values]
     bounds = {}
-    others = [path.bounds for path in paths[1:]]
+    other_bounds = [path.bounds for path in paths[1:]]
     for atom, ends in paths[0].bounds.items():
-        for other in others:
+        for other in other_bounds:
             theirs = other.get(atom)
             if theirs is None:
                 break
@@ -368,10 +368,10 @@ def join(found, env=None):
                 ends = (min(ends[0], theirs[0]), max(ends[1], theirs[1]))
         else:
             bounds[atom] = ends
-    kept = tuple(r for r in paths[0].relations if all(r in other.relations for other in paths[1:]))
-    joined = Path(paths[0].run, {}, bounds, kept)
+    shared_relations = tuple(r for r in paths[0].relations if all(r in other.relations for other in paths[1:]))
+    joined = Path(paths[0].run, {}, bounds, shared_relations)
     if env is None:
         shared = [name for name in paths[0].env if all(name in other.env for other in paths[1:])]
-        env = {name: _together(joined, [(p, p.env[name]) for p in paths]) for name in shared}
+        env = {name: _join_values(joined, [(p, p.env[name]) for p in paths]) for name in shared}
     joined.env = env
-    return joined, _together(joined, found)
+    return joined, _join_values(joined, path_values)

@@ -16,50 +16,50 @@ def _ends(pair):
     return None if pair is None else list(pair)
 
 
-def seen_range(rows):
+def column_ranges(rows):
     """[lowest, highest] of each column; None without rows."""
     if not len(rows):
         return [None] * rows.shape[1]
     return [list(pair) for pair in zip(rows.min(axis=0).tolist(), rows.max(axis=0).tolist())]
 
 
-def entry(block, case, regs, pins):
+def range_entry(block, case, regs, pins):
     """The `ranges` of a manifest.
 
     regs, pins  what the case's vectors made of them, a column each
     """
-    found = ranges.analyse_once(block.stem, block.cases[case], block.design)
-    listed = []
-    for one, held in zip((*found.registers, *found.pins), seen_range(np.column_stack([regs, pins])), strict=True):
-        listed.append(
+    analysis = ranges.analyse_cached(block.stem, block.cases[case], block.design)
+    port_entries = []
+    for one, observed_range in zip((*analysis.registers, *analysis.pins), column_ranges(np.column_stack([regs, pins])), strict=True):
+        port_entries.append(
             {
                 "name": one.name,
                 "fmt": list(one.fmt),
                 "proven": _ends(one.proven),
-                "seen": held,
+                "seen": observed_range,
                 "headroom_bits": one.headroom,
                 "proof": "width only" if one.proven is None else "induction",
             }
         )
-    widest = found.widest
+    widest = analysis.widest
     return {
-        "ports": listed,
+        "ports": port_entries,
         "relations": ranges.relations_text(block),
         "widest": widest and {"bits": widest.bits, "lo": widest.lo, "hi": widest.hi, "in": widest.function,
                               "expression": widest.text},
         "limit_bits": MAX_WIDTH,
-        "results": len(found.results),
-        "proven": found.sound,
+        "results": len(analysis.results),
+        "proven": analysis.sound,
     }  # fmt: skip
 
 
-def of_vectors(block, case):
+def case_range_entry(block, case):
     """`entry` with the vectors that `export` would write."""
     stim, _ = stimulus.make(block, case)
-    return entry(block, case, *blocks.run(block, case, stim))
+    return range_entry(block, case, *blocks.run(block, case, stim))
 
 
-def _table(rows):
+def _align_columns(rows):
     """Text columns: the first to the left, the others to the right."""
     sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = []
@@ -72,13 +72,13 @@ def _table(rows):
 def verdict(data):
     """One line: what is proven, and the widest result."""
     open_ports = [one["name"] for one in data["ports"] if one["proven"] is None]
-    said = f"not proven: {', '.join(open_ports)}" if open_ports else f"all {len(data['ports'])} ports proven"
+    proof_text = f"not proven: {', '.join(open_ports)}" if open_ports else f"all {len(data['ports'])} ports proven"
     widest = data["widest"]
     if widest is None:
-        return f"{said}; no arithmetic"
+        return f"{proof_text}; no arithmetic"
     fits = "within" if widest["bits"] <= data["limit_bits"] else "ABOVE"
     return (
-        f"{said}; {data['results']} arithmetic results {fits} {data['limit_bits']} bits, "
+        f"{proof_text}; {data['results']} arithmetic results {fits} {data['limit_bits']} bits, "
         f"the widest {widest['bits']}: {widest['expression']} in {widest['in']}"
     )
 
@@ -94,6 +94,6 @@ def text(title, data):
     lines = [f"# Ranges of {title}", "", verdict(data) + "."]
     if data["relations"]:
         lines.append("Relations proven with them: " + ";  ".join(data["relations"]) + ".")
-    lines += ["", *(f"    {line}" for line in _table(rows)), ""]
+    lines += ["", *(f"    {line}" for line in _align_columns(rows)), ""]
     lines.append("Proven: for every input in its format and a reset at any edge. Seen: in the vectors of this bundle.")
     return "\n".join(lines) + "\n"

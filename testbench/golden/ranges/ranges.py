@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 from fpga_model.block import declared, filled, flat, leaves, structure
 from fpga_model.fixed import MAX_WIDTH
-from testbench.golden.ranges.interpreter import PLACES, Interpreter, source_of_text
+from testbench.golden.ranges.interpreter import OPERATIONS, Interpreter, source_of_text
 from testbench.golden.ranges.intervals import Lin, Path, Run
 from testbench.golden.stimulus import blocks
 
 # Parts of a block whose control state the block's own boxes know
-APART = tuple(module.step for module in declared().values() if module.BLOCK.apart)
+SPLIT_FUNCTIONS = tuple(module.step for module in declared().values() if module.BLOCK.apart)
 PLAIN_JOINS = 3  # joins of a box before it is widened
 NARROWINGS = 5
 FAR = 1 << 62
@@ -66,7 +66,7 @@ class Analysis(NamedTuple):
     @property
     def widest(self):
         """The widest result that is not a constant, or None."""
-        return next((found for found in self.results if found.lo != found.hi), None)
+        return next((operation for operation in self.results if operation.lo != operation.hi), None)
 
     @property
     def sound(self):
@@ -98,9 +98,9 @@ class Edge:
         self.structure = structure(module, block.record) if module else {}
         self.names = [flat(path) for path, _ in leaves(block.state)]
         self.fmts = [port.fmt for port in block.registers]
-        place = {name: k for k, name in enumerate(self.names)}
-        self.split = [(place[name.rstrip("?")], name.endswith("?")) for name in block.split]
-        self.relations = [[(place[name], coef) for name, coef in sums.items()] for sums in block.relations]
+        index_by_name = {name: k for k, name in enumerate(self.names)}
+        self.split = [(index_by_name[name.rstrip("?")], name.endswith("?")) for name in block.split]
+        self.relations = [[(index_by_name[name], coef) for name, coef in sums.items()] for sums in block.relations]
         self.kept = frozenset(name.rstrip("?").rpartition("_")[2] for name in block.split)
         self.kept |= {name.rstrip("?") for name in block.split}
         self.tied = frozenset(name for sums in block.relations for name in sums)
@@ -113,30 +113,30 @@ class Edge:
 
     def begin(self):
         """Forget what was noted: pins, writes, arithmetic."""
-        self.pins, self.interpreter = {}, Interpreter({}, self._stored, APART, self.kept, self.tied)
+        self.pins, self.interpreter = {}, Interpreter({}, self._track_store, SPLIT_FUNCTIONS, self.kept, self.tied)
         self.written = [(x, x) for x in self.reset]
 
     def key(self, row):
         """Control state of a row of numbers."""
         return tuple(min(row[k], 1) if coarse else row[k] for k, coarse in self.split)
 
-    def first(self):
+    def initial_boxes(self):
         """X[0]."""
         sums = [sum(coef * self.reset[k] for k, coef in sums) for sums in self.relations]
         return {self.key(self.reset): [(x, x) for x in (*self.reset, *sums)]}
 
-    def _record(self, path, box):
+    def _build_state(self, path, box):
         """The state record of a box."""
         values = [path.new(*ends, key=("register", name)) for name, ends in zip(self.names, box)]
         for sums, (lo, hi) in zip(self.relations, box[len(values) :]):
             if not path.assume(_total(path, values, sums), lo, hi):
                 return None
-        given = iter([path.value(x) for x in values])
-        return filled(self.block.state, lambda _: next(given))
+        register_values = iter([path.value(x) for x in values])
+        return filled(self.block.state, lambda _: next(register_values))
 
-    def _stored(self, name, index, value, path):
+    def _track_store(self, name, index, value, path):
         if name == "_pins":
-            self._pin(index[1], path.span(value))
+            self._pin(index[1], path.value_interval(value))
 
     def _pin(self, k, ends):
         lo, hi = self.pins.get(k, ends)
@@ -145,7 +145,7 @@ class Edge:
     def __call__(self, box):
         """[(control state, box)] after one edge from a box; an edge that holds everything adds nothing."""
         path = Path(self.run)
-        state = self._record(path, box)
+        state = self._build_state(path, box)
         if state is None:
             return []
         inputs = tuple(path.new(p.fmt.lo, p.fmt.hi, key=("input", p.name)) for p in self.block.columns)
@@ -162,30 +162,30 @@ class Edge:
         self.interpreter.where = [self.source]
         ends, _ = self.interpreter.run(self.body, [path])
         before = [value for _, value in leaves(state)]
-        found = []
+        next_boxes = []
         for end in ends:
             after = [value for _, value in leaves(end.env["s"])]
             if after != before:
                 for k, (old, new) in enumerate(zip(before, after)):
-                    self._write(k, end, old, new)
-                found += self._boxes(end, after)
-        return found
+                    self._add_register_write(k, end, old, new)
+                next_boxes += self._boxes(end, after)
+        return next_boxes
 
-    def _write(self, k, path, old, new, span=None):
+    def _add_register_write(self, k, path, old, new, span=None):
         """Add what an edge writes into register k; its own old value is no write."""
         if new == old:
             return
         atom = new.terms[0][0] if isinstance(new, Lin) and new.terms[0][1] == 1 and not new.const else None
         if atom in self.run.choices:
             for value, ends in self.run.choices[atom]:
-                self._write(k, path, old, value, ends)
+                self._add_register_write(k, path, old, value, ends)
             return
-        self.written[k] = _hull(self.written[k], span or path.span(new))
+        self.written[k] = _hull(self.written[k], span or path.value_interval(new))
 
     def _boxes(self, path, values):
         choices = []
         for k, coarse in self.split:
-            lo, hi = path.span(values[k])
+            lo, hi = path.value_interval(values[k])
             choices.append([v for v in (0, 1) if lo <= v <= hi or (v and hi > 1)] if coarse else range(lo, hi + 1))
         for key in itertools.product(*choices):
             way = path.copy() if key else path
@@ -193,14 +193,14 @@ class Edge:
                 way.assume(values[k], 1, None) if coarse and v else way.assume(values[k], v, v)
                 for (k, coarse), v in zip(self.split, key)
             ):
-                sums = [way.span(_total(way, values, sums)) for sums in self.relations]
-                yield key, [way.span(value) for value in values] + sums
+                sums = [way.value_interval(_total(way, values, sums)) for sums in self.relations]
+                yield key, [way.value_interval(value) for value in values] + sums
 
 
 def _total(path, values, sums):
     total = 0
     for k, coef in sums:
-        total = path.add(total, path.whole(values[k]), coef)
+        total = path.add(total, path.remove_shift(values[k]), coef)
     return total
 
 
@@ -211,7 +211,7 @@ def _hull(a, b):
     return (min(a[0], b[0]), max(a[1], b[1]))
 
 
-def _widened(old, new, stops):
+def _widen_interval(old, new, stops):
     lo, hi = old
     if new[0] < lo:
         lo = stops[max(bisect_right(stops, new[0]) - 1, 0)]
@@ -220,23 +220,23 @@ def _widened(old, new, stops):
     return min(lo, new[0]), max(hi, new[1])
 
 
-def _clipped(edge, box):
+def _clip_box(edge, box):
     """The box, with each register inside its format; FAR is the end of a relation."""
-    kept = [(max(lo, fmt.lo), min(hi, fmt.hi)) for (lo, hi), fmt in zip(box, edge.fmts)]
-    return kept + [(max(lo, -FAR), min(hi, FAR)) for lo, hi in box[len(kept) :]]
+    register_box = [(max(lo, fmt.lo), min(hi, fmt.hi)) for (lo, hi), fmt in zip(box, edge.fmts)]
+    return register_box + [(max(lo, -FAR), min(hi, FAR)) for lo, hi in box[len(register_box) :]]
 
 
 def _empty(box):
     return any(lo > hi for lo, hi in box)
 
 
-def _image(edge, boxes):
+def _step_boxes(edge, boxes):
     """{control state: box} of the reset and of one edge from everything in `boxes`."""
-    found = edge.first()
+    next_boxes = edge.initial_boxes()
     for box in boxes.values():
         for key, after in edge(box):
-            found[key] = after if key not in found else [_hull(a, b) for a, b in zip(found[key], after)]
-    return found
+            next_boxes[key] = after if key not in next_boxes else [_hull(a, b) for a, b in zip(next_boxes[key], after)]
+    return next_boxes
 
 
 def _invariant(edge):
@@ -244,13 +244,13 @@ def _invariant(edge):
 
     What `edge` has noted at the end is of one pass over X alone.
     """
-    boxes, visits = edge.first(), {}
+    boxes, visits = edge.initial_boxes(), {}
     stops = {value + k for value in edge.block.stops for k in (-1, 0, 1)} | {0}
     sides = [sorted({*stops, fmt.lo, fmt.hi}) for fmt in edge.fmts] + [[-FAR, 0, FAR]] * len(edge.relations)
     todo = list(boxes)
     while todo:
         for key, after in edge(boxes[todo.pop(0)]):
-            after = _clipped(edge, after)
+            after = _clip_box(edge, after)
             if _empty(after):
                 continue
             old = boxes.get(key)
@@ -259,14 +259,14 @@ def _invariant(edge):
                 continue
             visits[key] = visits.get(key, 0) + 1
             if old is not None and visits[key] > PLAIN_JOINS:
-                new = _clipped(edge, [_widened(a, b, side) for a, b, side in zip(old, new, sides)])
+                new = _clip_box(edge, [_widen_interval(a, b, side) for a, b, side in zip(old, new, sides)])
             boxes[key] = new
             if key not in todo:
                 todo.append(key)
     for _ in range(NARROWINGS):
         edge.begin()
-        image = _image(edge, boxes)
-        after = {key: _clipped(edge, box) for key, box in image.items()}
+        image = _step_boxes(edge, boxes)
+        after = {key: _clip_box(edge, box) for key, box in image.items()}
         # a register holds what was last written to it, in whatever control state that was
         written = edge.written + [(-FAR, FAR)] * len(edge.relations)
         tighter = {
@@ -278,7 +278,7 @@ def _invariant(edge):
             return boxes, image
         boxes = {key: box for key, box in tighter.items() if not _empty(box)}
     edge.begin()
-    return boxes, _image(edge, boxes)
+    return boxes, _step_boxes(edge, boxes)
 
 
 def analyse(block, params):
@@ -286,20 +286,20 @@ def analyse(block, params):
     edge = Edge(block, 0 if params is None else params)
     boxes, after = _invariant(edge)  # the proof: everything below is judged on the last pass alone
     problems = [
-        f"{place.function}, line {place.line}: {place.text}: {text}"
-        for place, text in edge.interpreter.problems.items()
+        f"{source_operation.function}, line {source_operation.line}: {source_operation.text}: {text}"
+        for source_operation, text in edge.interpreter.problems.items()
     ]
     registers = []
     for k, port in enumerate(block.registers):
-        held = [box[k] for box in boxes.values()]
-        made = [box[k] for box in after.values()]
-        proven = (min(lo for lo, _ in held), max(hi for _, hi in held))
-        step = (min(lo for lo, _ in made), max(hi for _, hi in made))
+        box_intervals = [box[k] for box in boxes.values()]
+        step_intervals = [box[k] for box in after.values()]
+        proven = (min(lo for lo, _ in box_intervals), max(hi for _, hi in box_intervals))
+        step = (min(lo for lo, _ in step_intervals), max(hi for _, hi in step_intervals))
         if not (port.fmt.holds(step[0]) and port.fmt.holds(step[1])):
             problems.append(f"{port.name}: {step[0]} .. {step[1]} leaves {port.fmt}; not proven: width only")
             proven = None
         registers.append(Range(port.name, port.fmt, proven, step))
-    if not problems and not _inside(after, boxes):
+    if not problems and not _is_inductive(after, boxes):
         problems.append("the induction does not close")
     pins = []
     for k, port in enumerate(block.pins):
@@ -309,17 +309,17 @@ def analyse(block, params):
         pins.append(Range(port.name, port.fmt, ends, ends))
     results = []
     for key, (lo, hi) in edge.interpreter.notes.items():
-        results.append(Widest(lo, hi, width(lo, hi, False), *PLACES[key]))
+        results.append(Widest(lo, hi, width(lo, hi, False), *OPERATIONS[key]))
     results.sort(key=lambda found: (-found.bits, found.lo, found.function, found.line, found.text))
     problems += [
-        f"{found.function}, line {found.line}: {found.text}: {found.bits} bits, above {MAX_WIDTH}"
-        for found in results
-        if found.bits > MAX_WIDTH
+        f"{arithmetic_result.function}, line {arithmetic_result.line}: {arithmetic_result.text}: {arithmetic_result.bits} bits, above {MAX_WIDTH}"
+        for arithmetic_result in results
+        if arithmetic_result.bits > MAX_WIDTH
     ]
     return Analysis(tuple(registers), tuple(pins), tuple(results), tuple(problems))
 
 
-def _inside(after, boxes):
+def _is_inductive(after, boxes):
     """Whether F(X) is in X."""
     return all(
         key in boxes and all(b[0] <= a[0] and a[1] <= b[1] for a, b in zip(box, boxes[key]))
@@ -328,11 +328,11 @@ def _inside(after, boxes):
 
 
 @lru_cache(maxsize=256)
-def analyse_once(stem, params, design=None):
+def analyse_cached(stem, params, design=None):
     """`analyse` of a block of the registry, or of one of a design, remembered."""
-    return analyse((blocks.of_record(design) if design else blocks.BLOCKS)[stem], params)
+    return analyse((blocks.design_blocks(design) if design else blocks.BLOCKS)[stem], params)
 
 
-def of_case(stem, case):
+def analyse_case(stem, case):
     """`Analysis` of a case of the registry."""
-    return analyse_once(stem, blocks.BLOCKS[stem].cases[case])
+    return analyse_cached(stem, blocks.BLOCKS[stem].cases[case])

@@ -31,7 +31,7 @@ class Link(NamedTuple):
     hi: int
 
     @property
-    def fits(self):
+    def fits_format(self):
         return self.fmt.holds(self.lo) and self.fmt.holds(self.hi)
 
     @property
@@ -64,23 +64,23 @@ class _Check:
         for name, (module, path) in wires.instances().items():
             # what is not given as parameters is an input
             params = attrgetter(path)(p) if path else None
-            self.analyses[name] = ranges.analyse_once(_stem(module), params)
-            self.records[name] = record = self._record(name, attrgetter(name)(top.State()))
+            self.analyses[name] = ranges.analyse_cached(_stem(module), params)
+            self.records[name] = record = self._build_block_state(name, attrgetter(name)(top.State()))
             self.names[id(record)] = name
 
-    def _record(self, name, reset):
-        found = iter(self.analyses[name].registers)
+    def _build_block_state(self, name, reset):
+        registers = iter(self.analyses[name].registers)
 
-        def span(_):
-            one = next(found)
+        def proven_register(_):
+            one = next(registers)
             return self.path.new(*(one.proven or (one.fmt.lo, one.fmt.hi)), key=("register", name, one.name))
 
-        return filled(reset, span)
+        return filled(reset, proven_register)
 
-    def arrives(self, func, path, given, named):
+    def arrives(self, func, path, positional, keywords):
         """A block's step: note what it gets, return its registers as they were proven."""
-        found = source(func)
-        bound = {**dict(zip([item.arg for item in found.tree.args.args], given)), **named}
+        function_source = source(func)
+        bound = {**dict(zip([item.arg for item in function_source.tree.args.args], positional)), **keywords}
         record = bound.pop("s")
         name = self.names[id(record)]
         if not blocks.BLOCKS[STEPS[func]].runtime_params:
@@ -91,7 +91,7 @@ class _Check:
             # a record of inputs stands for its fields: `i` with its name, runtime parameters without
             prefix = "" if key == "p" else key
             for path_name, item in leaves(value, prefix):
-                self._note(name, flat(path_name), path.span(item))
+                self._note(name, flat(path_name), path.value_interval(item))
         return record
 
     def _note(self, name, port, ends):
@@ -115,9 +115,9 @@ def instances():
     Raises ArithmeticError if the wiring itself computes beyond 63 bits or indexes beyond a table.
     """
     spans, check = {}, None
-    given = build.firmware(Config())
+    firmware_params = build.firmware(Config())
     for digital in (0, 1):
-        p = given._replace(digital=digital)
+        p = firmware_params._replace(digital=digital)
         check = _Check(p)
         interpreter = check.run(p)
         wide = [ends for ends in interpreter.notes.values() if ranges.width(*ends, False) > MAX_WIDTH]
@@ -127,9 +127,9 @@ def instances():
             for port, (lo, hi) in ports.items():
                 old = spans.setdefault(name, {}).get(port, (lo, hi))
                 spans[name][port] = (min(old[0], lo), max(old[1], hi))
-    found = {}
+    checked_instances = {}
     for name, (module, _) in wires.instances().items():
         stem = _stem(module)
         links = [Link(p.name, p.fmt, *spans[name][p.name]) for p in blocks.BLOCKS[stem].inputs]
-        found[name] = Instance(stem, check.analyses[name], tuple(links))
-    return found
+        checked_instances[name] = Instance(stem, check.analyses[name], tuple(links))
+    return checked_instances

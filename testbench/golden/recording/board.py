@@ -14,7 +14,7 @@ from fpga_model.fixed import formats
 from testbench.errors import ConfigError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles.benches import rom_files
-from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, flat, of_record
+from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, design_blocks, flat
 from testbench.storage.files import write_text
 
 MODULE = "gyro_board"
@@ -31,20 +31,20 @@ def check(params):
         )
 
 
-def settings(params):
+def top_parameters(params):
     """[(name, width, raw bits)] of the parameters of gyro_top, from `fpga_model.top.Params`; its design first."""
     d = params.design
-    told = {name: value for block in of_record(d).values() for name, value in block.keys.items()}
+    design_keys = {name: value for block in design_blocks(d).values() for name, value in block.design_keys.items()}
     pairs = zip(leaves(params), format_leaves(formats(top.Params, d)), strict=True)
-    given = [(flat(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs]
-    return [*((name, 32, value) for name, value in told.items()), *given]
+    parameter_values = [(flat(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs]
+    return [*((name, 32, value) for name, value in design_keys.items()), *parameter_values]
 
 
 def write_roms(folder, design=DEFAULT):
     """{parameter of gyro_top: path} of the tables of a design, written into a folder."""
     paths = {}
     for stem, parameter in ROMS:
-        for name, text in rom_files(of_record(design)[stem]).items():
+        for name, text in rom_files(design_blocks(design)[stem]).items():
             if name.endswith(".hex"):
                 paths[parameter] = Path(folder) / Path(name).name
                 write_text(paths[parameter], text)
@@ -53,14 +53,14 @@ def write_roms(folder, design=DEFAULT):
 
 def ports():
     """[(direction, name, width)] of the board, clock first."""
-    listed = [("input", "clk", 1), ("input", RESET_INPUT, 1)]
-    listed += [("input", name, fmt.width) for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT)]
-    return listed + [("output", f"o_{name}", fmt.width) for name, fmt in zip(top.Pins._fields, top.PINS_FMT)]
+    port_list = [("input", "clk", 1), ("input", RESET_INPUT, 1)]
+    port_list += [("input", name, fmt.width) for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT)]
+    return port_list + [("output", f"o_{name}", fmt.width) for name, fmt in zip(top.Pins._fields, top.PINS_FMT)]
 
 
 def text(params):
     """Verilog of the board; tables are looked for in the folder where the tool runs."""
-    values = [f".{name}({width}'h{raw:x})" for name, width, raw in settings(params)]
+    values = [f".{name}({width}'h{raw:x})" for name, width, raw in top_parameters(params)]
     values += [f'.{parameter}("{Path(name).name}")' for stem, parameter in ROMS for name in rom_files(BLOCKS[stem])
                if name.endswith(".hex")]  # fmt: skip
     comma = ",\n"

@@ -20,10 +20,10 @@ WIDTHS = tuple(fmt.width for fmt in top.PINS_FMT)
 
 def read(pins):
     """Rows of pins, with 0 where no chip reads a data pin."""
-    found = pins.copy()
+    board_rows = pins.copy()
     for data, (select_n, running) in READ.items():
-        found[:, PLACE(data)] &= ~pins[:, PLACE(select_n)] & pins[:, PLACE(running)]
-    return found
+        board_rows[:, PLACE(data)] &= ~pins[:, PLACE(select_n)] & pins[:, PLACE(running)]
+    return board_rows
 
 
 class Board:
@@ -39,13 +39,13 @@ class Board:
     def read(self, pins, first, host):
         """The rows from clock `first` on; `host` are the events of a `replay.Stimulus`."""
         rows, most = np.concatenate([self._before, read(pins)]), len(self._before)
-        found, self._before = rows[most:].copy(), rows[len(rows) - most :].copy()
+        board_rows, self._before = rows[most:].copy(), rows[len(rows) - most :].copy()
         resets = np.r_[-1, host[host[:, 1] == 1, 0]]
         at = first + np.arange(len(pins))
         age = at - 1 - resets[np.searchsorted(resets, at) - 1]
         for name, k in self.clocks.items():
-            found[:, PLACE(name)] = np.where(age < k, 0, rows[most - k : len(rows) - k, PLACE(name)])
-        return found
+            board_rows[:, PLACE(name)] = np.where(age < k, 0, rows[most - k : len(rows) - k, PLACE(name)])
+        return board_rows
 
     @staticmethod
     def signatures(rows, clocks):
@@ -53,7 +53,7 @@ class Board:
         words = np.zeros(len(rows), np.int64)
         for k, width in enumerate(WIDTHS):
             words = words << width | rows[:, k]
-        return signature.of_words(words, clocks)
+        return signature.word_signatures(words, clocks)
 
 
 assert sum(WIDTHS) <= signature.CHUNK, "a row of pins is one word"

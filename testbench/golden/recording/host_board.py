@@ -27,7 +27,7 @@ def read_paths(design):
     return {path: known[path] for path in (*(r.path for r in registers.MAP if r.path), *READ)}
 
 
-def _span(width):
+def _vector_prefix(width):
     return f"[{width - 1}:0] " if width > 1 else ""
 
 
@@ -37,18 +37,18 @@ def text(params, port=host):
     widths = {flat(path): fmt.width for path, fmt in read_paths(params.design).items()}
     bus = {name: fmt.width for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT, strict=True) if name in BUS}
     lines = [line for line in board.text(params).split("\n") if line.split()[-1:] not in ([f"{n},"] for n in bus)]
-    found = "\n".join(lines)
-    pins = [f"    input wire {_span(fmt.width)}{pin}" for pin, fmt in port.INPUTS_FMT._asdict().items()]
-    pins += [f"    output wire {_span(fmt.width)}o_{pin}" for pin, fmt in port.PINS_FMT._asdict().items()]
-    wires = [f"    wire {_span(width)}{name};" for name, width in {**widths, **bus}.items()]
+    verilog = "\n".join(lines)
+    pins = [f"    input wire {_vector_prefix(fmt.width)}{pin}" for pin, fmt in port.INPUTS_FMT._asdict().items()]
+    pins += [f"    output wire {_vector_prefix(fmt.width)}o_{pin}" for pin, fmt in port.PINS_FMT._asdict().items()]
+    wires = [f"    wire {_vector_prefix(width)}{name};" for name, width in {**widths, **bus}.items()]
     joined = [f"        .r_{name}({name})" for name in widths]
-    own = [f".{pin}({pin})" for pin in ("clk", RESET_INPUT, *port.Inputs._fields, *widths)]
-    own += [f".{pin}({wire})" for wire, pin in BUS.items()] + [f".o_{pin}(o_{pin})" for pin in port.Pins._fields]
-    listed = ",\n        ".join(own)
-    instance = f"    gyro_{name} #(.DDS_BITS({params.design.dds_bits})) host (\n        {listed}\n    );\n"
-    assert found.count(HEAD) == found.count(TAIL) == 1
-    found = found.replace(HEAD, ",\n" + ",\n".join(pins) + HEAD + "\n" + "\n".join(wires) + "\n")
-    return found.replace(TAIL, ",\n" + ",\n".join(joined) + "\n    );\n\n" + instance + "\nendmodule\n")
+    connections = [f".{pin}({pin})" for pin in ("clk", RESET_INPUT, *port.Inputs._fields, *widths)]
+    connections += [f".{pin}({wire})" for wire, pin in BUS.items()] + [f".o_{pin}(o_{pin})" for pin in port.Pins._fields]
+    connection_text = ",\n        ".join(connections)
+    instance = f"    gyro_{name} #(.DDS_BITS({params.design.dds_bits})) host (\n        {connection_text}\n    );\n"
+    assert verilog.count(HEAD) == verilog.count(TAIL) == 1
+    verilog = verilog.replace(HEAD, ",\n" + ",\n".join(pins) + HEAD + "\n" + "\n".join(wires) + "\n")
+    return verilog.replace(TAIL, ",\n" + ",\n".join(joined) + "\n    );\n\n" + instance + "\nendmodule\n")
 
 
 def write(folder, params, port=host):

@@ -248,14 +248,14 @@ def _reset_clocks(frame_clocks):
 
 def _fixed_words(random, frame_clocks):
     """Host writes of CONTROLS, and of a random word to every register they put in force, in each frame of FIXED."""
-    found = [(frame * frame_clocks + 100, 0, 0, control) for frame, control in CONTROLS]
-    kept = {"control", "fault_clear", "amplitude_setpoint", "frequency_fixed"}
+    host_writes = [(frame * frame_clocks + 100, 0, 0, control) for frame, control in CONTROLS]
+    excluded_registers = {"control", "fault_clear", "amplitude_setpoint", "frequency_fixed"}
     for frame in FIXED:
-        for k, register in enumerate(r for r in registers.WRITABLE if r.name not in kept):
-            clock = frame * frame_clocks + 400 + 150 * k + random.below(150)
+        for k, register in enumerate(r for r in registers.WRITABLE if r.name not in excluded_registers):
+            clock = frame * frame_clocks + 400 + 150 * k + random.draw_integer(150)
             word = random.raw(register.fmt)
-            found.append((clock, 0, register.address, registers.to_bus(word, register.fmt)))
-    return {row[0]: row for row in found}
+            host_writes.append((clock, 0, register.address, registers.to_bus(word, register.fmt)))
+    return {row[0]: row for row in host_writes}
 
 
 def reset_case(story, firmware=None):
@@ -266,8 +266,8 @@ def reset_case(story, firmware=None):
     q = story.params.control.sequencer
     p = story.params
     if firmware is not None:
-        own = firmware.control.sequencer
-        q = q._replace(gain=own.gain, search_limit=own.search_limit)
+        board_sequencer = firmware.control.sequencer
+        q = q._replace(gain=board_sequencer.gain, search_limit=board_sequencer.search_limit)
         p = firmware
     frame_clocks = p.design.frame_clocks
     quick = registers_case.in_single_frames(q)._replace(search_limit=q.search_limit // 16)
@@ -289,12 +289,12 @@ def reset_case(story, firmware=None):
     heat = Random(RESET_SEED + 1)
     adc[:, 6] = [heat.raw(CODE) for _ in adc]  # temperatures that no board has
     host = {}
-    for place in range(256):
+    for write_number in range(256):
         # every address that exists, several times, with bits above its register; the clocks fall everywhere
-        clock = 200 + random.below(26 * frame_clocks - 200)
-        address = place % 24 if place < 240 else 24 + random.below(232)
+        clock = 200 + random.draw_integer(26 * frame_clocks - 200)
+        address = write_number % 24 if write_number < 240 else 24 + random.draw_integer(232)
         if address != 0 and address not in (6, 7):  # RUN, set-point and frequency stay: the walk goes on
-            host[clock] = (clock, 0, address, random.below(1 << 48))
+            host[clock] = (clock, 0, address, random.draw_integer(1 << 48))
     for clock, _ in _reset_clocks(frame_clocks):
         host[clock] = (clock, 1, 0, 0)
     host |= _fixed_words(random, frame_clocks)
@@ -306,7 +306,7 @@ def reset_case(story, firmware=None):
 # ---- windows ---------------------------------------------------------------------------------------------------------
 
 
-def merged(windows, end):
+def merge_windows(windows, end):
     """Windows in order, cut to 0 .. end, those that touch made one."""
     out = []
     for w in sorted(windows):
@@ -321,7 +321,7 @@ def merged(windows, end):
     return tuple(out)
 
 
-def windows_of(r):
+def find_windows(r):
     """What is worth every clock of a recording, found by replaying it."""
     frame_clocks = r.params.design.frame_clocks
     dense = frame_clocks if r.name == "reset" else SHOWN
@@ -330,11 +330,11 @@ def windows_of(r):
     column = {name: rows.registers[:, k] for k, name in enumerate(names(top.State()))}
     state, lock = column["control.sequencer.state"], column["control.sequencer.lock.locked"]
     flags, word = column["control.sequencer.faults.flags"], column["control.rate_loop.loop.y"]
-    found = [Window(0, dense, "power-on")]
+    windows = [Window(0, dense, "power-on")]
 
     def work(frame, shows):
         opens = int(rows.window_at[frame])
-        found.append(Window((opens if opens >= 0 else int(starts[frame])) - BEFORE, SHOWN, shows))
+        windows.append(Window((opens if opens >= 0 else int(starts[frame])) - BEFORE, SHOWN, shows))
 
     def changes(values, text, most=16):
         for frame in np.flatnonzero(np.diff(values))[:most].tolist():
@@ -345,22 +345,22 @@ def windows_of(r):
     changes(flags, lambda a, b: f"flags {a:02x} to {b:02x}")
     init = np.flatnonzero(state == sequencer.INIT)
     if len(init):
-        found.append(Window(int(starts[init[0]]), SHOWN, "control words of the DACs"))
+        windows.append(Window(int(starts[init[0]]), SHOWN, "control words of the DACs"))
     locked = np.flatnonzero(state == sequencer.LOCKED)
     if len(locked) and len(r.stimulus.adc):
         ends = r.stimulus.adc[:, 0]
         ends = int(ends[ends > starts[locked[0]]][0])
-        found.append(Window(ends - BEFORE, 520 + SHOWN, "ADC read while locked"))
+        windows.append(Window(ends - BEFORE, 520 + SHOWN, "ADC read while locked"))
     railed = np.flatnonzero(np.isin(word, (r.params.control.rate_loop.loop.lo, r.params.control.rate_loop.loop.hi)))
     if len(railed):
         work(int(railed[0]) - 1, "rate word reaches its limit")
     for clock, reset, address, _ in r.stimulus.host.tolist():
         if reset:
             shows = [what for at, what in _reset_clocks(frame_clocks) if at == clock and what]
-            found.append(Window(clock - BEFORE, SHOWN, shows[0] if shows else ""))
+            windows.append(Window(clock - BEFORE, SHOWN, shows[0] if shows else ""))
         elif address == registers.BY_NAME["control"].address:
-            found.append(Window(clock - 4, 16, "host write"))
-    return merged(found, r.frames * frame_clocks)
+            windows.append(Window(clock - 4, 16, "host write"))
+    return merge_windows(windows, r.frames * frame_clocks)
 
 
 def is_current(r):
@@ -381,22 +381,22 @@ def make(name, progress=None):
         r = OF_STORY[name](story)
     else:
         r = closed_loop(name, CASES[name], progress)
-    return r._replace(windows=windows_of(r))
+    return r._replace(windows=find_windows(r))
 
 
 def main(chosen):
     """Record the named cases, or all of them, into the package; with --windows only find their windows again."""
 
-    def progress(name, done, total):
-        if done % 100 == 0:
-            print(f"{name}: frame {done} of {total}", flush=True)
+    def progress(name, completed_frames, total):
+        if completed_frames % 100 == 0:
+            print(f"{name}: frame {completed_frames} of {total}", flush=True)
 
     again = "--windows" in chosen
     names_chosen = [name for name in chosen if name != "--windows"] or [*CASES, *OF_STORY]
     for name in sorted(names_chosen, key=lambda name: name in OF_STORY):  # the story first
         if again:
             r = recording.load(name)
-            r = r._replace(windows=windows_of(r))
+            r = r._replace(windows=find_windows(r))
         else:
             r = make(name, progress)
         recording.save(r)

@@ -71,12 +71,12 @@ def params_from(path, names, raw, design=DEFAULT):
 
     What came later than the file has its default.
     """
-    given = dict(zip(map(flat, names), raw))
-    wanted = [name for name, _ in asked(top.PARAMS_FMT, given)]
-    if list(map(flat, names)) != wanted or len(raw) != len(wanted):
-        strange = sorted(given.keys() ^ set(wanted)) or wanted[:1]
+    raw_by_name = dict(zip(map(flat, names), raw))
+    expected_names = [name for name, _ in asked(top.PARAMS_FMT, raw_by_name)]
+    if list(map(flat, names)) != expected_names or len(raw) != len(expected_names):
+        strange = sorted(raw_by_name.keys() ^ set(expected_names)) or expected_names[:1]
         raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
-    values = iter(raws(top.PARAMS_FMT, given))
+    values = iter(raws(top.PARAMS_FMT, raw_by_name))
     return filled(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
 
 
@@ -85,7 +85,7 @@ def param_names():
     return [name for name, _ in format_leaves(top.PARAMS_FMT)]
 
 
-def _predicted(a, b):
+def _predict_sample(a, b):
     return ((PREDICTOR * b) >> PREDICTOR_SHIFT) - a
 
 
@@ -93,7 +93,7 @@ def packed_samples(sar):
     """Errors of the prediction, int32 (ticks, 2)."""
     rows = np.asarray(sar, np.int64)
     before = np.vstack([np.zeros((2, 2), np.int64), rows])
-    return (rows - _predicted(before[:-2], before[1:-1])[: len(rows)]).astype(np.int32)
+    return (rows - _predict_sample(before[:-2], before[1:-1])[: len(rows)]).astype(np.int32)
 
 
 def unpacked_samples(errors):
@@ -103,7 +103,7 @@ def unpacked_samples(errors):
         a = b = 0
         samples = []
         for error in errors[:, column].tolist():
-            a, b = b, error + _predicted(a, b)
+            a, b = b, error + _predict_sample(a, b)
             samples.append(b)
         out[:, column] = samples
     return out
@@ -112,12 +112,12 @@ def unpacked_samples(errors):
 def save(recording, folder=FOLDER):
     """Write a recording beside its place and rename it."""
     r = recording
-    text, named = io.BytesIO(), told(r.params, top.PARAMS_FMT)
+    text, parameter_entries = io.BytesIO(), told(r.params, top.PARAMS_FMT)
     np.savez_compressed(
         text,
         schema=np.array(SCHEMA),
-        param_names=np.array([name for name, _, _ in named]),
-        params=np.array([value for _, value, _ in named], np.int64),
+        param_names=np.array([name for name, _, _ in parameter_entries]),
+        params=np.array([value for _, value, _ in parameter_entries], np.int64),
         frames=np.array(r.frames),
         row_every=np.array(r.row_every),
         adc=np.ascontiguousarray(np.diff(r.stimulus.adc, axis=0, prepend=0).T),
@@ -162,47 +162,47 @@ def load(name, folder=FOLDER):
 def check(path, r):
     """Raise FileError if anything of a recording is outside its limits."""
 
-    def need(ok, what):
+    def require_valid(ok, what):
         if not ok:
             raise FileError(f"{path}: {what}")
 
     d = r.params.design
     end = r.frames * d.frame_clocks
-    need(r.frames >= 1 and r.row_every >= 1, f"frames = {r.frames}, row_every = {r.row_every}: at least 1 each")
+    require_valid(r.frames >= 1 and r.row_every >= 1, f"frames = {r.frames}, row_every = {r.row_every}: at least 1 each")
     for name, rows in (("adc", r.stimulus.adc), ("host", r.stimulus.host)):
         clocks = rows[:, 0]
-        need((np.diff(clocks) > 0).all(), f"{name}: the clocks do not rise")
-        need(not len(clocks) or (clocks[0] >= 0 and clocks[-1] < end), f"{name}: a clock is outside 0 .. {end - 1}")
+        require_valid((np.diff(clocks) > 0).all(), f"{name}: the clocks do not rise")
+        require_valid(not len(clocks) or (clocks[0] >= 0 and clocks[-1] < end), f"{name}: a clock is outside 0 .. {end - 1}")
     status, codes, host = r.stimulus.adc[:, 1], r.stimulus.adc[:, 2:], r.stimulus.host
-    need(((status >= 0) & (status < 1 << 24)).all(), "adc: a status word is outside 24 bits")
-    need(((codes >= -(1 << 23)) & (codes < 1 << 23)).all(), "adc: a code is outside 24 bits")
-    need(((host[:, 1] >= 0) & (host[:, 1] <= 1)).all(), "host: an event is neither a write nor a reset")
-    need(((host[:, 2] >= 0) & (host[:, 2] < 1 << 8)).all(), "host: an address is outside 8 bits")
-    need(((host[:, 3] >= 0) & (host[:, 3] < 1 << 48)).all(), "host: data outside 48 bits")
+    require_valid(((status >= 0) & (status < 1 << 24)).all(), "adc: a status word is outside 24 bits")
+    require_valid(((codes >= -(1 << 23)) & (codes < 1 << 23)).all(), "adc: a code is outside 24 bits")
+    require_valid(((host[:, 1] >= 0) & (host[:, 1] <= 1)).all(), "host: an event is neither a write nor a reset")
+    require_valid(((host[:, 2] >= 0) & (host[:, 2] < 1 << 8)).all(), "host: an address is outside 8 bits")
+    require_valid(((host[:, 3] >= 0) & (host[:, 3] < 1 << 48)).all(), "host: data outside 48 bits")
     sar = r.stimulus.sar
-    need(len(sar) in (0, end // d.tick_clocks), f"sar: {len(sar)} samples, expected {end // d.tick_clocks} or none")
-    need(((sar >= SAMPLE.lo) & (sar <= SAMPLE.hi)).all(), f"sar: a sample is outside {SAMPLE.lo} .. {SAMPLE.hi}")
+    require_valid(len(sar) in (0, end // d.tick_clocks), f"sar: {len(sar)} samples, expected {end // d.tick_clocks} or none")
+    require_valid(((sar >= SAMPLE.lo) & (sar <= SAMPLE.hi)).all(), f"sar: a sample is outside {SAMPLE.lo} .. {SAMPLE.hi}")
     for window in r.windows:
         inside = window.first >= 0 and window.count >= 1 and window.first + window.count <= end
-        need(inside, f"window {window.shows}: clocks {window.first} + {window.count} are outside 0 .. {end - 1}")
+        require_valid(inside, f"window {window.shows}: clocks {window.first} + {window.count} are outside 0 .. {end - 1}")
     for (name, value), (_, fmt) in zip(leaves(r.params), format_leaves(formats(top.Params, d))):
-        need(fmt.holds(value), f"parameter {name}: {value} is outside its format {fmt}")
+        require_valid(fmt.holds(value), f"parameter {name}: {value} is outside its format {fmt}")
 
 
 def sha256(recording):
     """Hash of everything that a replay reads, whatever the file around it."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     r = recording
     shape = formats(top.Params, r.params.design)
-    named, added = told(r.params, shape), later(shape)
-    found.update("".join(name for name, _, _ in named if name in added).encode())
+    parameter_entries, added = told(r.params, shape), later(shape)
+    digest.update("".join(name for name, _, _ in parameter_entries if name in added).encode())
     for values in (
-        np.array([value for _, value, _ in named], np.int64),
+        np.array([value for _, value, _ in parameter_entries], np.int64),
         np.array([r.frames], np.int64),
         *r.stimulus,
         *([] if r.params.design == DEFAULT else [np.array(r.params.design, np.int64)]),
     ):
         rows = np.ascontiguousarray(values, "<i8")
-        found.update(f"{rows.shape}".encode())
-        found.update(rows.tobytes())
-    return found.hexdigest()
+        digest.update(f"{rows.shape}".encode())
+        digest.update(rows.tobytes())
+    return digest.hexdigest()

@@ -35,11 +35,11 @@ def in_single_frames(q):
 
 def codes():
     """[{register: word}] of the frames of `codes`."""
-    told = [r for r in registers.WRITABLE if r.name not in DECIDE]
-    wires = [(r, bit) for r in told for bit in range(r.fmt.width)]
+    code_registers = [r for r in registers.WRITABLE if r.name not in DECIDE]
+    wires = [(r, bit) for r in code_registers for bit in range(r.fmt.width)]
     frames = []
     for k in range(len(wires).bit_length()):
-        words = dict.fromkeys(told, 0)
+        words = dict.fromkeys(code_registers, 0)
         for number, (r, bit) in enumerate(wires, 1):
             words[r] |= (number >> k & 1) << bit
         frames.append(words)
@@ -48,9 +48,9 @@ def codes():
 
 def ones():
     """[{register: word}] of the steps of `ones`: a narrow word keeps its last."""
-    told = [registers.BY_NAME[name] for name in DECIDE]
-    steps = range(max(r.fmt.width for r in told))
-    return [dict.fromkeys(told, 0), *({r: 1 << min(k, r.fmt.width - 1) for r in told} for k in steps)]
+    decision_registers = [registers.BY_NAME[name] for name in DECIDE]
+    steps = range(max(r.fmt.width for r in decision_registers))
+    return [dict.fromkeys(decision_registers, 0), *({r: 1 << min(k, r.fmt.width - 1) for r in decision_registers} for k in steps)]
 
 
 def script():
@@ -80,9 +80,9 @@ def case(story):
     ]
     clocks, adc = story.stimulus.adc[:, 0] // frame_clocks, []
     for frame in range(count):
-        played = FAULTS.get(frame, STORY_FROM + frame)
-        row = story.stimulus.adc[np.flatnonzero(clocks == played)[0]].copy()
-        row[0] += (frame - played) * frame_clocks
+        story_frame = FAULTS.get(frame, STORY_FROM + frame)
+        row = story.stimulus.adc[np.flatnonzero(clocks == story_frame)[0]].copy()
+        row[0] += (frame - story_frame) * frame_clocks
         row[6] = CODE.hi  # a temperature at which the least bit of each polynomial counts
         adc.append(row)
     stimulus = replay.Stimulus(np.array(adc), np.array(host, np.int64), np.zeros((0, 2), np.int64))

@@ -28,7 +28,7 @@ REGISTERS = len(REGISTER_FMT)
 INPUTS = 1 + len(top.Inputs._fields)  # rst first
 
 WORDS = signature.WORDS
-ROW_WORDS = signature.padded(ROW_WIDTH) // signature.DEGREE
+ROW_WORDS = signature.padded_width(ROW_WIDTH) // signature.DEGREE
 BUFFER = 64 * ROW_WORDS + WORDS  # a remainder moves down by a row at each clock, and is moved up again when it cannot
 RESET_CS_N, RESET_SCLK = spi_adc.State().cs_n, spi_adc.State().sclk
 
@@ -66,7 +66,7 @@ class Rows(NamedTuple):
 FRAMES_AT_ONCE = 64  # whose pins of every clock are kept
 
 
-class Place(NamedTuple):
+class ReplayPosition(NamedTuple):
     """Where a replay is: the next clock, how much of each list is done, what the bus holds, where the remainder is."""
 
     clock: int = 0
@@ -79,17 +79,17 @@ class Place(NamedTuple):
 
 
 @hot
-def _run(p, rom, s, chip, place, first, end, stimulus, o, buffer):
+def _replay_clocks(p, rom, s, chip, position, first, end, stimulus, o, buffer):
     """Clocks up to `end`, or up to and with one whose reset is active; then the State returned is void.
 
     first   clock of the first row of `o.every`
     buffer  of the remainder; empty: no signature
     """
     adc, host, sar = stimulus.adc, stimulus.host, stimulus.sar
-    n, conversion, event, row, address, data, base = place
+    n, conversion, event, row, address, data, base = position
     tick_clocks, word_bits = p.design.tick_clocks, p.design.adc_word_bits
     frame_clocks = tick_clocks * p.design.frame_ticks
-    frame, left, cycle = n // frame_clocks, frame_clocks - n % frame_clocks, n % tick_clocks
+    frame, remaining_clocks, cycle = n // frame_clocks, frame_clocks - n % frame_clocks, n % tick_clocks
     k, signed = n // tick_clocks, buffer.shape[0] > 0
     sample_x, sample_y, rst = 0, 0, 0
     while n < end and rst == 0:
@@ -139,18 +139,18 @@ def _run(p, rom, s, chip, place, first, end, stimulus, o, buffer):
         if cycle == tick_clocks:
             cycle = 0
             k += 1
-        left -= 1
-        if left == 0:
+        remaining_clocks -= 1
+        if remaining_clocks == 0:
             if signed:
                 for j in range(WORDS):
                     o.remainders[frame, j] = buffer[base + j]
                     buffer[base + j] = 0
-            left = frame_clocks
+            remaining_clocks = frame_clocks
             frame += 1
-    return s, chip, Place(n, conversion, event, row, address, data, base), rst
+    return s, chip, ReplayPosition(n, conversion, event, row, address, data, base), rst
 
 
-def _rows(at, frames, every=0):
+def _allocate_rows(at, frames, every=0):
     """Empty `Rows`."""
     count, pins = len(at), len(top.Pins._fields)
     return Rows(
@@ -178,33 +178,33 @@ def run(params, stimulus, frames, at, board=None, registers=True):
     if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
         raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
     by_frame = registers and d != DEFAULT
-    at_once = 1 if by_frame else FRAMES_AT_ONCE
-    o, rom, fresh = _rows(at, frames, 0 if board is None else at_once * d.frame_clocks), sine.table(d), top.reset(d)
-    s, chip, place = fresh, adc_serial.State(), Place()
+    frames_per_batch = 1 if by_frame else FRAMES_AT_ONCE
+    o, rom, fresh = _allocate_rows(at, frames, 0 if board is None else frames_per_batch * d.frame_clocks), sine.table(d), top.reset(d)
+    s, chip, position = fresh, adc_serial.State(), ReplayPosition()
     buffer = np.zeros(BUFFER if registers and not by_frame else 0, np.int64)
-    for frame in range(0, frames, at_once):
-        first, last = frame * d.frame_clocks, min(frame + at_once, frames) * d.frame_clocks
-        part, kept = o, slice(*np.searchsorted(at, (first, last)))
+    for frame in range(0, frames, frames_per_batch):
+        first, last = frame * d.frame_clocks, min(frame + frames_per_batch, frames) * d.frame_clocks
+        part, row_slice = o, slice(*np.searchsorted(at, (first, last)))
         if by_frame:
-            part, place = _rows(np.arange(first, last), frames, len(o.every)), place._replace(row=0)
-        while place.clock < last:
-            s, chip, place, rst = _run(params, rom, s, chip, place, first, last, stimulus, part, buffer)
+            part, position = _allocate_rows(np.arange(first, last), frames, len(o.every)), position._replace(row=0)
+        while position.clock < last:
+            s, chip, position, rst = _replay_clocks(params, rom, s, chip, position, first, last, stimulus, part, buffer)
             s = fresh if rst else s
         if by_frame:
             _sign(part, o, d, frame)
             for name in ("inputs", "registers", "pins"):
-                getattr(o, name)[kept] = getattr(part, name)[at[kept] - first]
+                getattr(o, name)[row_slice] = getattr(part, name)[at[row_slice] - first]
         if board is not None:
-            shown = board.read(part.every[: last - first], first, stimulus.host)
-            o.board[kept] = shown[at[kept] - first]
-            o.board_signatures[frame : last // d.frame_clocks] = board.signatures(shown, d.frame_clocks)
+            board_rows = board.read(part.every[: last - first], first, stimulus.host)
+            o.board[row_slice] = board_rows[at[row_slice] - first]
+            o.board_signatures[frame : last // d.frame_clocks] = board.signatures(board_rows, d.frame_clocks)
     return o
 
 
 def _sign(part, o, design, frame):
     """Signature of every row of a frame, of any design."""
     widths = [fmt.width for _, fmt in format_leaves(formats(top.State, design))] + [f.width for f in top.PINS_FMT]
-    sig = signature.of_rows(np.column_stack([part.registers, part.pins]), widths)
+    sig = signature.rows_signature(np.column_stack([part.registers, part.pins]), widths)
     o.remainders[frame, 0] = sig - (1 << signature.DEGREE) if sig >> (signature.DEGREE - 1) else sig
     o.window_at[frame] = part.window_at[frame]
 

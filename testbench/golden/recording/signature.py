@@ -37,18 +37,18 @@ BACK = tuple(POWER * k // DEGREE for k in TAPS)  # words from the right at which
 MASK = (1 << DEGREE) - 1
 
 
-def padded(width):
+def padded_width(width):
     """Bits that a row of `width` bits takes in the stream."""
     return -(-width // DEGREE) * DEGREE
 
 
-def reduced(word, width, sig=0):
+def fold_word(word, width, sig=0):
     """Signature after `word`, a Python integer of `width` bits, has been appended to what gave `sig`."""
     for low in range((width - 1) // CHUNK * CHUNK, -1, -CHUNK):
-        taken = min(CHUNK, width - low)
-        high = sig >> (DEGREE - taken)
+        bit_count = min(CHUNK, width - low)
+        high = sig >> (DEGREE - bit_count)
         high ^= high << 1
-        sig = (sig << taken & MASK) ^ (word >> low & ((1 << taken) - 1)) ^ high ^ high << 3
+        sig = (sig << bit_count & MASK) ^ (word >> low & ((1 << bit_count) - 1)) ^ high ^ high << 3
     return sig
 
 
@@ -56,16 +56,16 @@ def signature(words, width):
     """Signature of packed rows of `width` bits: the plain definition, slow."""
     sig = 0
     for word in words:
-        sig = reduced(word, padded(width), sig)
+        sig = fold_word(word, padded_width(width), sig)
     return sig
 
 
-def of_remainder(words):
+def remainder_signature(words):
     """Signature from the remainder modulo P^128, int64 words with the least significant first."""
     word = 0
     for k, value in enumerate(words.tolist()):
         word |= (value & MASK) << (DEGREE * k)
-    return reduced(word, DEGREE * len(words))
+    return fold_word(word, DEGREE * len(words))
 
 
 # ---- any layout of rows, in NumPy ------------------------------------------------------------------------------------
@@ -76,30 +76,30 @@ def _times(a, b):
     word = 0
     for k in range(DEGREE):
         word ^= (a << k) * (b >> k & 1)
-    return reduced(word, 2 * DEGREE)
+    return fold_word(word, 2 * DEGREE)
 
 
-def _power(k):
+def _monomial(k):
     """x^k modulo P."""
-    found, square = 1, 2
+    product, square = 1, 2
     while k:
-        found = _times(found, square) if k & 1 else found
+        product = _times(product, square) if k & 1 else product
         square, k = _times(square, square), k >> 1
-    return found
+    return product
 
 
 @functools.cache
 def _products(step):
     """x^(step + k) modulo P, for each bit k of a signature that moves up by `step` bits."""
-    return [np.uint64(_power(step + k)) for k in range(DEGREE)]
+    return [np.uint64(_monomial(step + k)) for k in range(DEGREE)]
 
 
-def of_rows(rows, widths):
+def rows_signature(rows, widths):
     """Signature of int64 rows with columns of these widths: every row alone, then rows in pairs, pairs of pairs."""
     words = [np.zeros(len(rows), np.uint64) for _ in _plan(widths)]
     for word, parts in zip(words, _plan(widths), strict=True):
-        for leaf, right, taken, left in parts:
-            word |= ((rows[:, leaf].astype(np.uint64) >> right) & ((1 << taken) - 1)) << left
+        for leaf, right, bit_count, target_bit in parts:
+            word |= ((rows[:, leaf].astype(np.uint64) >> right) & ((1 << bit_count) - 1)) << target_bit
     sig, half = np.zeros(len(rows), np.uint64), DEGREE // 2
     for chunk in (part for word in words[::-1] for part in (word >> half, word & ((1 << half) - 1))):
         high = sig >> half
@@ -108,32 +108,32 @@ def of_rows(rows, widths):
     step = DEGREE * len(words)
     while len(sig) > 1:
         sig = np.concatenate([np.zeros(len(sig) % 2, np.uint64), sig])
-        moved = np.zeros(len(sig) // 2, np.uint64)
+        shifted_signatures = np.zeros(len(sig) // 2, np.uint64)
         for k, product in enumerate(_products(step)):
-            moved ^= ((sig[::2] >> k) & 1) * product
-        sig, step = moved ^ sig[1::2], 2 * step
+            shifted_signatures ^= ((sig[::2] >> k) & 1) * product
+        sig, step = shifted_signatures ^ sig[1::2], 2 * step
     return int(sig[0])
 
 
-def of_words(words, clocks):
+def word_signatures(words, clocks):
     """Signatures, uint64, of every `clocks` rows of one word each, of at most CHUNK bits."""
-    found = np.zeros(len(words) // clocks, np.uint64)
+    signatures = np.zeros(len(words) // clocks, np.uint64)
     with np.errstate(over="ignore"):
-        _fold(words.astype(np.uint64), clocks, found)
-    return found
+        _fold(words.astype(np.uint64), clocks, signatures)
+    return signatures
 
 
 @hot
-def _fold(words, clocks, found):
-    for frame in range(found.shape[0]):
+def _fold(words, clocks, signatures):
+    for frame in range(signatures.shape[0]):
         sig = np.uint64(0)
         for n in range(frame * clocks, (frame + 1) * clocks):
             # a word has DEGREE bits: the zeros in front, and a chunk
-            for taken, chunk in ((DEGREE - CHUNK, np.uint64(0)), (CHUNK, words[n])):
-                high = sig >> np.uint64(DEGREE - taken)
+            for bit_count, chunk in ((DEGREE - CHUNK, np.uint64(0)), (CHUNK, words[n])):
+                high = sig >> np.uint64(DEGREE - bit_count)
                 high ^= high << np.uint64(1)
-                sig = (sig << np.uint64(taken)) ^ chunk ^ high ^ (high << np.uint64(3))
-        found[frame] = sig
+                sig = (sig << np.uint64(bit_count)) ^ chunk ^ high ^ (high << np.uint64(3))
+        signatures[frame] = sig
 
 
 # ---- compiled for one layout -----------------------------------------------------------------------------------------
@@ -142,15 +142,15 @@ def _fold(words, clocks, found):
 def _plan(widths):
     """For each word of a row, from the right, the parts (leaf, right shift, length, left shift) that fill it."""
     plan = [[] for _ in range(-(-sum(widths) // DEGREE))]
-    place = 0
+    row_bit = 0
     for leaf in range(len(widths) - 1, -1, -1):
-        done = 0
-        while done < widths[leaf]:
-            word, bit = divmod(place, DEGREE)
-            taken = min(widths[leaf] - done, DEGREE - bit)
-            plan[word].append((leaf, done, taken, bit))
-            done += taken
-            place += taken
+        leaf_bit = 0
+        while leaf_bit < widths[leaf]:
+            word, bit = divmod(row_bit, DEGREE)
+            bit_count = min(widths[leaf] - leaf_bit, DEGREE - bit)
+            plan[word].append((leaf, leaf_bit, bit_count, bit))
+            leaf_bit += bit_count
+            row_bit += bit_count
     return tuple(tuple(parts) for parts in plan)
 
 
@@ -191,32 +191,32 @@ def appender(widths):
             first = builder.sub(args[1], ir.Constant(i64, count))
             values = []
 
-            def walk(kind, value):
+            def flatten_values(kind, value):
                 if isinstance(kind, types.NoneType):
                     return
                 if isinstance(kind, types.BaseTuple):
                     for k, item in enumerate(kind.types):
-                        walk(item, builder.extract_value(value, k))
+                        flatten_values(item, builder.extract_value(value, k))
                     return
                 values.append(context.cast(builder, value, kind, types.int64))
 
-            def place(offset):
+            def word_pointer(offset):
                 return builder.gep(array.data, [builder.add(first, ir.Constant(i64, offset))])
 
-            walk(signature.args[2], args[2])
+            flatten_values(signature.args[2], args[2])
             if len(values) != len(widths):
                 raise ValueError(f"signature: {len(values)} registers, {len(widths)} widths")
             for k, parts in enumerate(plan):
                 word = ir.Constant(i64, 0)
-                for leaf, right, taken, left in parts:
+                for leaf, right, bit_count, target_bit in parts:
                     part = builder.lshr(values[leaf], ir.Constant(i64, right))
-                    part = builder.and_(part, ir.Constant(i64, (1 << taken) - 1))
-                    word = builder.or_(word, builder.shl(part, ir.Constant(i64, left)))
-                builder.store(word, place(k))
+                    part = builder.and_(part, ir.Constant(i64, (1 << bit_count) - 1))
+                    word = builder.or_(word, builder.shl(part, ir.Constant(i64, target_bit)))
+                builder.store(word, word_pointer(k))
             row = ir.VectorType(i64, count).as_pointer()
-            leaving = builder.load(builder.bitcast(place(WORDS), row), align=8)
+            leaving = builder.load(builder.bitcast(word_pointer(WORDS), row), align=8)
             for back in BACK:
-                pointer = builder.bitcast(place(back), row)
+                pointer = builder.bitcast(word_pointer(back), row)
                 builder.store(builder.xor(builder.load(pointer, align=8), leaving), pointer, align=8)
             return context.get_dummy_value()
 

@@ -81,12 +81,12 @@ class Block(NamedTuple):
         return self.design or DEFAULT
 
     @property
-    def keys(self):
+    def design_keys(self):
         """{NAME: value} of the keys of the design that the RTL is told: those that are not its defaults."""
         parts = [declared()[self.stem]] if self.stem in declared() else declared().values()
         used = {key for part in parts for key in registry.keys(part)}
-        told = {key for key in used if getattr(self.record, key) != getattr(DEFAULT, key)}
-        return {key.upper(): getattr(self.record, key) for key in Design._fields if key in told}
+        changed_keys = {key for key in used if getattr(self.record, key) != getattr(DEFAULT, key)}
+        return {key.upper(): getattr(self.record, key) for key in Design._fields if key in changed_keys}
 
     @property
     def columns(self):
@@ -97,100 +97,100 @@ class Block(NamedTuple):
     def rules(self):
         """The block's own words on rounding and overflow."""
         text = importlib.import_module(f"fpga_model.{self.stem}").__doc__.splitlines()
-        found = {}
+        rule_text = {}
         for key in ("Rounding", "Overflow"):
-            found[key.lower()] = next(line[len(key) :].strip() for line in text if line.startswith(key))
-        return found
+            rule_text[key.lower()] = next(line[len(key) :].strip() for line in text if line.startswith(key))
+        return rule_text
 
 
-def rule_of(rules, name):
+def register_rule(rules, name):
     """(rounding, overflow) of a register, by its name or by that of its tuple."""
     return rules.get(name) or rules.get(name.rstrip("0123456789").rstrip("_")) or (None, None)
 
 
 def _hints(module, design):
     """Hints of the range proofs, with those of the blocks within."""
-    found = registry.inherited(module, lambda b: b)
+    inherited_blocks = registry.inherited(module, lambda b: b)
     return {
-        "split": tuple(prefix + name for prefix, b in found.items() for name in b.split),
+        "split": tuple(prefix + name for prefix, b in inherited_blocks.items() for name in b.split),
         "relations": tuple(
             {prefix + name: k for name, k in sums.items()}
-            for prefix, b in found.items()
+            for prefix, b in inherited_blocks.items()
             for sums in of_design(b.relations, design)
         ),
-        "stops": tuple(value for b in found.values() for value in of_design(b.stops, design)),
+        "stops": tuple(value for b in inherited_blocks.values() for value in of_design(b.stops, design)),
     }
 
 
-def _block(stem, module, design=None):
+def _flatten_block(stem, module, design=None):
     """A block with flat ports."""
     record = design or DEFAULT
-    own, rules, structure = module.BLOCK, registry.rules(module), registry.structure(module, record)
+    declaration, rules, structure = module.BLOCK, registry.rules(module), registry.structure(module, record)
     state = registry.at_reset(module, record)
-    kept = [
-        Port(flat(path), fmt, int(reset), *rule_of(rules, flat(path)))
+    register_ports = [
+        Port(flat(path), fmt, int(reset), *register_rule(rules, flat(path)))
         for (path, reset), (_, fmt) in zip(leaves(state), leaves(formats(module.State, record)), strict=True)
     ]
     return Block(
         stem=stem,
         design=design,
-        inputs=tuple(Port(*found) for found in registry.inputs(module, record)),
+        inputs=tuple(Port(*port_fields) for port_fields in registry.inputs(module, record)),
         state=state,
-        registers=tuple(kept),
-        pins=tuple(Port(*found) for found in registry.pins(module, record)),
+        registers=tuple(register_ports),
+        pins=tuple(Port(*port_fields) for port_fields in registry.pins(module, record)),
         cases=registry.cases(module, record),
-        roms=tuple(rom.at(record) for rom in own.roms),
+        roms=tuple(rom.at(record) for rom in declaration.roms),
         run=lambda *given: registry.runner(stem)(structure.get("d", 0), structure.get("rom", 0), *given),
         source=(registry.runner_text(module), vars(module)),
-        **{name: of_design(getattr(own, name), record) for name in ("latency", "strobes", "wait", "dense", "idle")},
-        runtime_params=own.runtime_params,
+        **{name: of_design(getattr(declaration, name), record) for name in ("latency", "strobes", "wait", "dense", "idle")},
+        runtime_params=declaration.runtime_params,
         **_hints(module, record),
     )
 
 
-BLOCKS = {stem: _block(stem, module) for stem, module in declared().items()}
+BLOCKS = {stem: _flatten_block(stem, module) for stem, module in declared().items()}
 
 
 @functools.lru_cache(maxsize=8)
-def of_record(design):
+def design_blocks(design):
     """{stem: Block} of a design."""
-    return {stem: _block(stem, module, design) for stem, module in declared().items()}
+    return {stem: _flatten_block(stem, module, design) for stem, module in declared().items()}
 
 
-def of_firmware(params):
+def firmware_blocks(params):
     """{stem: Block} of a firmware (`top.Params`): a case more for each instance, its name that of its role."""
-    found = of_record(params.design)
-    cases = {stem: dict(block.cases) for stem, block in found.items()}
+    base_blocks = design_blocks(params.design)
+    cases = {stem: dict(block.cases) for stem, block in base_blocks.items()}
     for role, (module, path) in wiring.instances().items():
         stem = module.__name__.rpartition(".")[2]
-        if path is not None and not found[stem].runtime_params:
+        if path is not None and not base_blocks[stem].runtime_params:
             cases[stem][role.rpartition(".")[2]] = operator.attrgetter(path)(params)
-    return {stem: block._replace(cases=cases[stem]) for stem, block in found.items()}
+    return {stem: block._replace(cases=cases[stem]) for stem, block in base_blocks.items()}
 
 
 @functools.cache
-def _made_of(stem, record):
+def _step_structure(stem, record):
     """(structure, shapes) of the arguments of `step`, found once: every row of a block asks for them."""
     module = declared()[stem]
     return tuple(registry.structure(module, record).values()), tuple(registry.shapes(module).values())
 
 
-def given(block, params, values):
+def step_arguments(block, params, values):
     """Arguments of `step` but for s, from the flat values of its inputs; structure and parameters first, if any."""
-    structure, shapes = _made_of(block.stem, block.record)
+    structure, shapes = _step_structure(block.stem, block.record)
     value = iter(values)
-    found = [filled(shape, lambda _: next(value)) for shape in shapes]
-    return [*structure, *found] if block.runtime_params or params is None else [*structure, params, *found]
+    inputs = [filled(shape, lambda _: next(value)) for shape in shapes]
+    return [*structure, *inputs] if block.runtime_params or params is None else [*structure, params, *inputs]
 
 
-def params_of(block, case):
+def case_parameters(block, case):
     """[Port-like (name, raw, format)] of the case's parameters as `registry.told`; empty where they are inputs."""
     params = block.cases[case]
     if params is None:
         return []
     module = top if block.stem == "top" else declared()[block.stem]
-    told = registry.told(params, formats(module.Params, block.record))
-    return [(flat(path), raw, found) for path, raw, found in told]
+    parameter_entries = registry.told(params, formats(module.Params, block.record))
+    return [(flat(path), raw, fmt) for path, raw, fmt in parameter_entries]
 
 
 def run(block, case, stimulus):
@@ -221,6 +221,6 @@ def check(ports, rows, what):
             raise ValueError(f"{what} {port.name}: {least} .. {most} leaves format {port.fmt}")
 
 
-def depth_of(block):
+def sweep_clocks(block):
     """Clocks that reset and enable sweeps have to cover: the longest whole-number latency, or the wait."""
     return max([block.wait, *(k for k in block.latency.values() if isinstance(k, int))])

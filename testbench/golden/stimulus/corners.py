@@ -18,14 +18,14 @@ SCHEMA = "gyro-corners/1.0"
 FAMILY = "corners_found"
 
 
-def path_of(stem):
+def corner_path(stem):
     return FOLDER / f"{stem}.json"
 
 
 @functools.cache
-def stored(stem):
+def load_corners(stem):
     """What is stored of a block; empty if nothing is. Raises ValueError if the file is another's."""
-    path = path_of(stem)
+    path = corner_path(stem)
     if not path.is_file():
         return {"found": {}, "missing": {}}
     data = read_json(path)
@@ -34,23 +34,23 @@ def stored(stem):
     return data
 
 
-def spelled(goal):
+def goal_text(goal):
     """A goal as it is stored: kind, place and outcome."""
     return " | ".join(goal)
 
 
-def play(w, rows):
+def append_corner(w, rows):
     """A reset and the rows of one entry."""
-    w.row(rst=1)
+    w.append_row(rst=1)
     for times, values, counting in rows:
         for n in range(times if counting else 1):
-            w.row({**values, **{name: values.get(name, 0) + n for name in counting}}, times=1 if counting else times)
+            w.append_row({**values, **{name: values.get(name, 0) + n for name in counting}}, times=1 if counting else times)
 
 
 def replay(w):
     """Append the family of found corners to a stimulus."""
-    entries = stored(w.block.stem)["found"].get(w.case, ())
+    entries = load_corners(w.block.stem)["found"].get(w.case, ())
     if entries:
         w.family(FAMILY)
     for entry in entries:
-        play(w, entry["rows"])
+        append_corner(w, entry["rows"])

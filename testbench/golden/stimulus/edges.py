@@ -14,7 +14,7 @@ from fpga_model import dds, modulator, notch, registers, sine, spi_dac
 from testbench.golden.stimulus.edges_digital_sid import edges_digital_sid  # noqa: F401
 from testbench.golden.stimulus.edges_pi import edges_loop, edges_pi  # noqa: F401
 from testbench.golden.stimulus.edges_rate_output import edges_rate_output  # noqa: F401
-from testbench.golden.stimulus.writer import around, wrapped
+from testbench.golden.stimulus.writer import around, wrap_to_format
 
 ALTERNATE = int("01" * 24, 2)
 EDGE_WORDS = 4000  # words that are tried for an edge of the notch
@@ -30,10 +30,10 @@ def edges_dds(w):
     offsets = [port.name for port in w.wide if port.name != "word"]
     for phase in (0, 1, top, top - 1, (top + 1) >> 1, top >> 1):
         for total in (top - 1, top, top + 1, top + 2):
-            w.row(rst=1)
-            w.row({"word": phase})
-            w.row(dict.fromkeys(offsets, (total - phase) % (top + 1)))
-            w.row({"word": (total - phase) % (top + 1)}, times=2)
+            w.append_row(rst=1)
+            w.append_row({"word": phase})
+            w.append_row(dict.fromkeys(offsets, (total - phase) % (top + 1)))
+            w.append_row({"word": (total - phase) % (top + 1)}, times=2)
     _edges_phase(w)
 
 
@@ -44,17 +44,17 @@ def edges_sine(w):
     base, slope = np.array(sine.tables(d), np.int64)
     middle = 2 * np.arange(1 << d.sine_fraction_bits) + 1
     total = (base[:, None] << d.sine_fraction_bits) + slope[:, None] * middle
-    cut, kept_bits = sine.PRODUCT.at(d).f, d.sine_address_bits + d.sine_fraction_bits
+    cut, index_bits = sine.PRODUCT.at(d).f, d.sine_address_bits + d.sine_fraction_bits
     low, odd, half = total & ((1 << cut) - 1), (total >> cut) & 1, 1 << (cut - 1)
-    places = [np.flatnonzero(low == wanted)[:2] for wanted in (0, 1, half - 1, half + 1, 2 * half - 1)]
-    places += [np.flatnonzero((low == half) & (odd == kept)) for kept in (0, 1)]
-    for place in np.concatenate(places).tolist():
+    table_indices = [np.flatnonzero(low == dropped_bits)[:2] for dropped_bits in (0, 1, half - 1, half + 1, 2 * half - 1)]
+    table_indices += [np.flatnonzero((low == half) & (odd == parity)) for parity in (0, 1)]
+    for table_index in np.concatenate(table_indices).tolist():
         for quadrant in range(4):
-            mirrored = place if quadrant % 2 == 0 else ~place & ((1 << kept_bits) - 1)
-            w.row({"phase": ((quadrant << kept_bits) | mirrored) << (d.dds_bits - 2 - kept_bits)})
+            mirrored = table_index if quadrant % 2 == 0 else ~table_index & ((1 << index_bits) - 1)
+            w.append_row({"phase": ((quadrant << index_bits) | mirrored) << (d.dds_bits - 2 - index_bits)})
     for word in range(1 << d.sine_address_bits):
-        w.row({"phase": word << (d.dds_bits - 2 - d.sine_address_bits)})
-    w.row(times=3)
+        w.append_row({"phase": word << (d.dds_bits - 2 - d.sine_address_bits)})
+    w.append_row(times=3)
 
 
 def _edges_phase(w):
@@ -64,8 +64,8 @@ def _edges_phase(w):
     cell = quarter >> (d.sine_address_bits + d.sine_fraction_bits)
     row = cell << d.sine_fraction_bits
     for quadrant in range(4):
-        for near in (0, 1, cell >> 1, cell - 1, cell, row - 1, row):
-            values += [(quadrant * quarter + near) % turn, (quadrant * quarter - near) % turn]
+        for offset in (0, 1, cell >> 1, cell - 1, cell, row - 1, row):
+            values += [(quadrant * quarter + offset) % turn, (quadrant * quarter - offset) % turn]
     for value in values:
         w.operation({port.name: value for port in w.wide})
 
@@ -78,22 +78,22 @@ def edges_modulator(w):
         for factor in (1, 3, full >> 1, full, -1, -(full >> 1) - 2, -full):
             solved = low * _inverse(factor, p.shift) % (1 << min(p.shift, 24))
             for lift in (0, 1 << 23):
-                w.row({**both, "amplitude": wrapped(solved + lift, modulator.AMPLITUDE), "sine": factor})
+                w.append_row({**both, "amplitude": wrap_to_format(solved + lift, modulator.AMPLITUDE), "sine": factor})
     for limit in (p.lo, p.hi):
-        for near in range(-2, 3):
+        for offset_lsb in range(-2, 3):
             for tie in (-1, 0, 1):
-                wanted = ((limit + near) << p.shift) + (1 << (p.shift - 1)) + tie
+                target_product = ((limit + offset_lsb) << p.shift) + (1 << (p.shift - 1)) + tie
                 for factor in (full, carrier.lo):
-                    amplitude = wanted // factor
+                    amplitude = target_product // factor
                     for step in (0, 1):
                         if modulator.AMPLITUDE.holds(amplitude + step):
-                            w.row({**both, "amplitude": amplitude + step, "sine": factor})
+                            w.append_row({**both, "amplitude": amplitude + step, "sine": factor})
     for limit in (p.lo, p.hi):
         for target in around(limit, modulator.CODE._replace(i=modulator.CODE.i + 1)):
             amplitude = (target << p.shift) // full
             if modulator.AMPLITUDE.holds(amplitude):
-                w.row({**both, "amplitude": amplitude, "sine": full})
-    w.row(times=3)
+                w.append_row({**both, "amplitude": amplitude, "sine": full})
+    w.append_row(times=3)
 
 
 def edges_cordic(w):
@@ -114,18 +114,18 @@ def edges_isqrt(w):
 
 def edges_registers(w):
     for address in [*range(len(registers.WRITABLE) + 2), registers.FIRST_READ_ONLY, 255]:
-        found = registers.BY_ADDRESS.get(address)
-        top = found.fmt.at(w.block.record).hi if found else 0
+        target_register = registers.BY_ADDRESS.get(address)
+        top = target_register.fmt.at(w.block.record).hi if target_register else 0
         for data in (0, 1, top, min(top + 1, registers.DATA.hi), registers.DATA.hi, 1 << 47, ALTERNATE, ALTERNATE << 1):
-            w.row({"write": 1, "address": address, "data": data})
-            w.row({"address": address, "data": data ^ registers.DATA.hi})
-    for write, taken in itertools.product((0, 1), repeat=2):
-        w.row({"write": 1, "address": 1, "data": 0xA5})
-        w.row({"write": write, "address": 1, "data": 0x5A, "taken": taken})
-        w.row(times=1)
+            w.append_row({"write": 1, "address": address, "data": data})
+            w.append_row({"address": address, "data": data ^ registers.DATA.hi})
+    for write, acknowledge in itertools.product((0, 1), repeat=2):
+        w.append_row({"write": 1, "address": 1, "data": 0xA5})
+        w.append_row({"write": write, "address": 1, "data": 0x5A, "taken": acknowledge})
+        w.append_row(times=1)
     for register in registers.WRITABLE:
-        w.row({"write": 1, "address": register.address, "data": registers.DATA.hi})
-    w.row(rst=1)
+        w.append_row({"write": 1, "address": register.address, "data": registers.DATA.hi})
+    w.append_row(rst=1)
 
 
 def edges_spi_dac(w):
@@ -139,44 +139,44 @@ def edges_spi_dac(w):
 
 def edges_notch(w):
     """Words after a reset: the last makes the sum what it shall be, the one before is searched until it can."""
-    p, kept = w.block.cases[w.case], notch.COEF_BITS
-    step, half = p.g << notch.SHIFT, 1 << (kept - 1)
+    p, fraction_bits = w.block.cases[w.case], notch.COEF_BITS
+    step, half = p.g << notch.SHIFT, 1 << (fraction_bits - 1)
 
-    def rest_after(*words):
+    def compute_feedback_sum(*words):
         """What the sum holds beside the next word."""
-        x1 = x2 = y1 = y2 = rest = 0
+        x1 = x2 = y1 = y2 = feedback_sum = 0
         for x in words:
-            y = min(max((step * x + rest + half) >> kept, notch.Y_LO), notch.Y_HI)
+            y = min(max((step * x + feedback_sum + half) >> fraction_bits, notch.Y_LO), notch.Y_HI)
             x1, x2, y1, y2 = x, x1, y, y1
-            rest = step * x2 + p.c * ((x1 << notch.SHIFT) - y1) - (2 * p.g - notch.ONE) * y2
-        return rest
+            feedback_sum = step * x2 + p.c * ((x1 << notch.SHIFT) - y1) - (2 * p.g - notch.ONE) * y2
+        return feedback_sum
 
-    def play(*words):
-        w.row(rst=1)
+    def append_words(*words):
+        w.append_row(rst=1)
         for x in words:
-            w.row({"en": 1, "x": x})
-        w.row(times=2)
+            w.append_row({"en": 1, "x": x})
+        w.append_row(times=2)
 
     # an LSB of the last word adds `step`: sums modulo twice what is dropped repeat after `period` words
-    turns = math.gcd(step, 2 << kept)
-    period = (2 << kept) // turns
+    turns = math.gcd(step, 2 << fraction_bits)
+    period = (2 << fraction_bits) // turns
     inverse = _inverse(step // turns, period.bit_length() - 1)
     for low, odd, sign in itertools.product((0, 1, half - 1, half, half + 1, 2 * half - 1), (0, 1), (1, -1)):
         for first in range(0, 4 * EDGE_WORDS, 3):
-            missing = (odd << kept) + low - rest_after(first)
+            missing = (odd << fraction_bits) + low - compute_feedback_sum(first)
             if missing % turns == 0:
-                play(first, missing // turns * inverse % period + sign * (1 << 22) // period * period)
+                append_words(first, missing // turns * inverse % period + sign * (1 << 22) // period * period)
                 break
     top = notch.WORD.hi
     ways = [(end, *before) for end in (1, -1) for before in ((), (top,), (-top,))]
-    for edge, near, (end, *before) in itertools.product((notch.Y_LO, notch.Y_HI), (-1, 0, 1), ways):
+    for edge, offset_lsb, (end, *before) in itertools.product((notch.Y_LO, notch.Y_HI), (-1, 0, 1), ways):
         for word in range(end * top, end * (top - EDGE_WORDS), -end):
-            rest = rest_after(*before, word)
-            last = ((edge + near) * (1 << kept) - rest) // step
+            feedback_sum = compute_feedback_sum(*before, word)
+            last = ((edge + offset_lsb) * (1 << fraction_bits) - feedback_sum) // step
             if not notch.WORD.holds(last):
                 break
-            if (step * last + rest + half) >> kept == edge + near:
-                play(*before, word, last)
+            if (step * last + feedback_sum + half) >> fraction_bits == edge + offset_lsb:
+                append_words(*before, word, last)
                 break
 
 

@@ -9,22 +9,22 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import digital_sid
-from testbench.golden.stimulus.edges_pi import even_part
-from testbench.golden.stimulus.writer import wrapped
+from testbench.golden.stimulus.edges_pi import largest_power_of_two
+from testbench.golden.stimulus.writer import wrap_to_format
 
 SHORT = 16  # ticks of rest
 
 
-def _samples(w, rows):
+def _append_samples(w, rows):
     """Samples into the integrators of all four channels, their signs by the references."""
     for refs, x, times in rows:
-        w.row({"ce_1m": 1, "refs": refs, "sample_x": x, "sample_y": x}, times=times)
+        w.append_row({"ce_1m": 1, "refs": refs, "sample_x": x, "sample_y": x}, times=times)
 
 
 def _start(w):
     """After a reset the references that a design delays are all ones too."""
-    w.row(rst=1)
-    w.row({"ce_1m": 1, "refs": 15}, times=digital_sid.MAX_DELAY)
+    w.append_row(rst=1)
+    w.append_row({"ce_1m": 1, "refs": 15}, times=digital_sid.MAX_DELAY)
 
 
 def edges_digital_sid(w):
@@ -32,99 +32,99 @@ def edges_digital_sid(w):
     lo, hi = digital_sid.SAMPLE.lo, digital_sid.SAMPLE.hi
     for x, y in ((hi, lo), (lo, hi), (lo, lo)):
         for refs in (0, 15, 5, 10):
-            w.row({"ce_1m": 1, "refs": refs, "sample_x": x, "sample_y": y}, times=30)
+            w.append_row({"ce_1m": 1, "refs": refs, "sample_x": x, "sample_y": y}, times=30)
             w.operation({"refs": refs, "sample_x": x, "sample_y": y})
     for limit, end in ((digital_sid.ACC.lo, lo), (digital_sid.ACC.hi, hi)):
-        whole = limit // end - 1
-        for near in (-1, 0, 1):
+        full_scale_ticks = limit // end - 1
+        for offset_lsb in (-1, 0, 1):
             _start(w)
-            rest = limit - whole * end + near
-            _samples(w, [(15, end, whole), (15, rest - rest // 2, 1), (15, rest // 2, 1), (15, 0, 1)])
-    for first, second in _pairs(w.block.cases[w.case].alpha):
+            remainder = limit - full_scale_ticks * end + offset_lsb
+            _append_samples(w, [(15, end, full_scale_ticks), (15, remainder - remainder // 2, 1), (15, remainder // 2, 1), (15, 0, 1)])
+    for first, second in _rounding_pairs(w.block.cases[w.case].alpha):
         _start(w)
-        w.row({"ce_1m": 1, "refs": 15, "sample_x": first, "sample_y": first})
+        w.append_row({"ce_1m": 1, "refs": 15, "sample_x": first, "sample_y": first})
         w.operation({"refs": 15, "sample_x": second, "sample_y": second})
         w.operation({"refs": 15})
     for sums in (*_code_ties(w.block.cases[w.case]), *_code_limits(w.block.cases[w.case])):
         _start(w)
         for total in sums:
-            _sum(w, total)
+            _append_sum(w, total)
             w.operation({"refs": 15})
-    _rests(w, w.block.cases[w.case].still)
+    _append_constant_samples(w, w.block.cases[w.case].still)
     for gap in range(1, 8):
-        w.row({"ce_1m": 1, "dump": 1, **w.some()})
-        w.row({"refs": 3}, times=gap)
+        w.append_row({"ce_1m": 1, "dump": 1, **w.some()})
+        w.append_row({"refs": 3}, times=gap)
 
 
-def _rests(w, limit):
+def _append_constant_samples(w, limit):
     """Samples at rest for as long as is allowed, and one tick more or less, until a dump; then each of them alone."""
     for times in (limit - 1, limit, limit + 1) if limit <= SHORT else (limit + 1,):
-        w.row({"ce_1m": 1, "sample_x": 1 + times, "sample_y": -times})
-        w.row({"ce_1m": 1, "sample_x": 3, "sample_y": -3})
-        w.row({"ce_1m": 1, "sample_x": 3, "sample_y": -3}, times=times - 1)
+        w.append_row({"ce_1m": 1, "sample_x": 1 + times, "sample_y": -times})
+        w.append_row({"ce_1m": 1, "sample_x": 3, "sample_y": -3})
+        w.append_row({"ce_1m": 1, "sample_x": 3, "sample_y": -3}, times=times - 1)
         w.operation({"sample_x": 3, "sample_y": -3})
         w.operation({"sample_x": 4, "sample_y": -4})
     for name in ("sample_x", "sample_y"):
         for k in range(min(limit, SHORT) + 2):
-            w.row({"ce_1m": 1, "sample_x": 9, "sample_y": 9, name: k})
+            w.append_row({"ce_1m": 1, "sample_x": 9, "sample_y": 9, name: k})
         w.operation({"sample_x": 9, "sample_y": 9, name: -1})
     # one bit of one sample after the other: each alone is another sample
     values = {"sample_x": 0, "sample_y": 0}
     for bit in range(digital_sid.SAMPLE.width):
-        values = {name: wrapped(v ^ (1 << bit), digital_sid.SAMPLE) for name, v in values.items()}
-        w.row({"ce_1m": 1, **values})
-        w.row({"ce_1m": 1, **values, "sample_x": wrapped(~values["sample_x"], digital_sid.SAMPLE)})
+        values = {name: wrap_to_format(v ^ (1 << bit), digital_sid.SAMPLE) for name, v in values.items()}
+        w.append_row({"ce_1m": 1, **values})
+        w.append_row({"ce_1m": 1, **values, "sample_x": wrap_to_format(~values["sample_x"], digital_sid.SAMPLE)})
 
 
-def _moved(alpha, y, x):
+def _step_pole(alpha, y, x):
     """(what is rounded, the pole after it) for arrays of a pole and of its input."""
     product = alpha * (x - y)
     return product, y + ((product + (1 << (digital_sid.ALPHA.f - 1))) >> digital_sid.ALPHA.f)
 
 
-def _pairs(alpha):
+def _rounding_pairs(alpha):
     """Pairs of dumped sums that bring each of three poles to every edge of its rounding."""
     cut = digital_sid.ALPHA.f
-    half, size, step = 1 << (cut - 1), 1 << cut, even_part(alpha)
+    half, size, step = 1 << (cut - 1), 1 << cut, largest_power_of_two(alpha)
     first = np.arange(1, 1 << 17) << digital_sid.POLE.f
     kinds = [(low, None, None) for low in (0, step, half - step, half + step, size - step)]
     kinds += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
-    wanted, pairs = {(pole, *kind) for pole in range(3) for kind in kinds}, []
+    open_kinds, pairs = {(pole, *kind) for pole in range(3) for kind in kinds}, []
     for second in itertools.chain.from_iterable((k, -k) for k in range(1, 17)):
         zero, inputs = np.zeros_like(first), (first, np.full_like(first, second << digital_sid.POLE.f))
         for pole in range(3):
-            _, once = _moved(alpha, zero, inputs[0])
-            product, twice = _moved(alpha, once, inputs[1])
+            _, pole_first_dump = _step_pole(alpha, zero, inputs[0])
+            product, pole_second_dump = _step_pole(alpha, pole_first_dump, inputs[1])
             low, parity = product & (size - 1), (product >> cut) & 1
-            for kind in sorted((k for k in wanted if k[0] == pole), key=str):
+            for kind in sorted((k for k in open_kinds if k[0] == pole), key=str):
                 _, value, odd, negative = kind
-                places = low == value
+                matches = low == value
                 if odd is not None:
-                    places &= (parity == odd) & ((product < 0) == negative)
-                if places.any():
-                    wanted.discard(kind)
-                    pairs.append((int(first[places.argmax()]) >> digital_sid.POLE.f, second))
-            inputs = (once, twice)
-        if not wanted:
+                    matches &= (parity == odd) & ((product < 0) == negative)
+                if matches.any():
+                    open_kinds.discard(kind)
+                    pairs.append((int(first[matches.argmax()]) >> digital_sid.POLE.f, second))
+            inputs = (pole_first_dump, pole_second_dump)
+        if not open_kinds:
             break
     return pairs
 
 
-def _dumped(alpha, poles, x):
+def _dump_poles(alpha, poles, x):
     """The three poles after a dump of the sums x (arrays)."""
     value, after = x << digital_sid.POLE.f, []
     for pole in poles:
-        _, value = _moved(alpha, pole, value)
+        _, value = _step_pole(alpha, pole, value)
         after.append(value)
     return after
 
 
-def _sum(w, total):
+def _append_sum(w, total):
     """Samples whose sum is `total`."""
     end = digital_sid.SAMPLE.hi if total > 0 else -digital_sid.SAMPLE.hi
-    whole, rest = divmod(abs(total), digital_sid.SAMPLE.hi)
-    _samples(w, [(15, end, whole)] if whole else [])
-    _samples(w, [(15, rest if total > 0 else -rest, 1)])
+    full_scale_ticks, remainder = divmod(abs(total), digital_sid.SAMPLE.hi)
+    _append_samples(w, [(15, end, full_scale_ticks)] if full_scale_ticks else [])
+    _append_samples(w, [(15, remainder if total > 0 else -remainder, 1)])
 
 
 class Grid(NamedTuple):
@@ -135,24 +135,24 @@ class Grid(NamedTuple):
     start: np.ndarray
     slope: np.ndarray
 
-    def solved(self, alpha, target, fits):
+    def solve_sums(self, alpha, target, fits):
         """The sums of the five dumps whose pole3 is near `target` and fits; None if there are none."""
         last = ((target - self.start) << 16) // self.slope
-        hits = fits(_dumped(alpha, self.poles, last)[2]) & (abs(last) <= digital_sid.ACC.hi)
+        hits = fits(_dump_poles(alpha, self.poles, last)[2]) & (abs(last) <= digital_sid.ACC.hi)
         if not hits.any():
             return None
         n = int(hits.argmax())
         return tuple(int(np.broadcast_to(x, last.shape)[n]) for x in (*self.sums, last))
 
 
-def _grid(alpha, base):
+def _build_dump_grid(alpha, base):
     second, third = (x.ravel() for x in np.meshgrid(np.arange(512) * 7, np.arange(512) * 5, indexing="ij"))
     zero = np.zeros_like(second)
     sums, poles = (base, base, base + second, base + third), [zero] * 3
     for x in sums:
-        poles = _dumped(alpha, poles, zero + x)
-    start = _dumped(alpha, poles, zero)[2]
-    return Grid(sums, poles, start, _dumped(alpha, poles, zero + (1 << 16))[2] - start)
+        poles = _dump_poles(alpha, poles, zero + x)
+    start = _dump_poles(alpha, poles, zero)[2]
+    return Grid(sums, poles, start, _dump_poles(alpha, poles, zero + (1 << 16))[2] - start)
 
 
 def _fast(p):
@@ -162,34 +162,34 @@ def _fast(p):
 
 def _code_ties(p):
     """Sums that bring gain*pole3 to a tie, of either sign, even and odd: for each gain pole3 has one residue for it."""
-    found = {}
+    sums_by_kind = {}
     for base in (20_000, -20_000, 110_000, -110_000) if _fast(p) else ():
-        grid = _grid(p.alpha, base)
+        grid = _build_dump_grid(p.alpha, base)
         for gain in (p.gain_x, p.gain_y):
             twos = gain & -gain
             size = (1 << digital_sid.SHIFT) // twos
             residue = (size >> 1) * pow(gain // twos, -1, size) % size
             for target in range(residue - 2 * size, residue + 2 * size, size):
                 kind = (gain, target < 0, (gain * target >> digital_sid.SHIFT) & 1)
-                if kind not in found:
-                    sums = grid.solved(p.alpha, target, lambda pole, target=target: pole == target)
-                    found |= {kind: sums} if sums else {}
-    return list(found.values())
+                if kind not in sums_by_kind:
+                    sums = grid.solve_sums(p.alpha, target, lambda pole, target=target: pole == target)
+                    sums_by_kind |= {kind: sums} if sums else {}
+    return list(sums_by_kind.values())
 
 
 def _code_limits(p):
     """Sums that bring gain*pole3 to both limits of a code and one LSB beside them, for each gain."""
-    found = []
+    limit_sums = []
     half, shift = 1 << (digital_sid.SHIFT - 1), digital_sid.SHIFT
     for gain, limit in itertools.product((p.gain_x, p.gain_y), (digital_sid.CODE.lo, digital_sid.CODE.hi)):
         if not _fast(p):
             break
-        grid = _grid(p.alpha, ((limit << shift) // gain) >> digital_sid.POLE.f)
-        for wanted in (limit - 1, limit, limit + 1):
-            sums = grid.solved(
+        grid = _build_dump_grid(p.alpha, ((limit << shift) // gain) >> digital_sid.POLE.f)
+        for target_code in (limit - 1, limit, limit + 1):
+            sums = grid.solve_sums(
                 p.alpha,
-                (wanted << shift) // gain,
-                lambda pole, gain=gain, wanted=wanted: (gain * pole + half) >> shift == wanted,
+                (target_code << shift) // gain,
+                lambda pole, gain=gain, wanted=target_code: (gain * pole + half) >> shift == wanted,
             )
-            found += [sums] if sums else []
-    return found
+            limit_sums += [sums] if sums else []
+    return limit_sums

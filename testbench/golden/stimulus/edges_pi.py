@@ -18,7 +18,7 @@ CARRY_TRIES, CARRY_STRIDE = 256, 7919
 half_up = getattr(half_up, "py_func", half_up)
 
 
-def even_part(x):
+def largest_power_of_two(x):
     """Largest power of two in x; 2**24 for 0, which moves no fraction bit."""
     return min(x & -x, ONE) if x else ONE
 
@@ -39,19 +39,19 @@ class Loop(NamedTuple):
     def errors(self, total):
         """A sum of errors in steps that the input can give."""
         end = self.error.hi if total > 0 else self.error.lo + 1
-        whole, rest = divmod(total, end) if total else (0, 0)
-        return [end] * whole + ([rest] if rest or not whole else [])
+        full_scale_steps, remainder = divmod(total, end) if total else (0, 0)
+        return [end] * full_scale_steps + ([remainder] if remainder or not full_scale_steps else [])
 
-    def solved(self, gain, low):
+    def solve_errors(self, gain, low):
         """Errors e >= 0 and e < 0 with gain*e = low modulo 2**24, nearest to 0; none if the gain is too even."""
-        twos = even_part(gain)
+        twos = largest_power_of_two(gain)
         if low % twos or twos == ONE:
             return []
         size = ONE // twos
         e = low // twos * pow(gain // twos, -1, size) % size
         return [e, e - size]
 
-    def place(self, target):
+    def solve_operations(self, target):
         """[(mode, e, preset)] that bring acc to `target`, which may lie just beyond a limit; None if none do."""
         if self.p.ki == 0:
             return None
@@ -62,11 +62,11 @@ class Loop(NamedTuple):
                     if len(self.errors(total)) < 40:
                         return ops + [(pi.RUN, e, 0) for e in self.errors(total)]
             return None
-        for total in sorted({0, *self.solved(self.p.ki, target % ONE)}, key=abs):
-            moved = self.p.ki * total
-            if (target - moved) % ONE == 0 and self.presets([(target - moved) // ONE]):
+        for total in sorted({0, *self.solve_errors(self.p.ki, target % ONE)}, key=abs):
+            integral_step = self.p.ki * total
+            if (target - integral_step) % ONE == 0 and self.presets([(target - integral_step) // ONE]):
                 runs = [(pi.RUN, e, 0) for e in self.errors(total)]
-                return [(pi.OFF, 0, (target - moved) // ONE), *runs]
+                return [(pi.OFF, 0, (target - integral_step) // ONE), *runs]
         return None
 
     def bases(self):
@@ -80,19 +80,19 @@ class Loop(NamedTuple):
             if steps < 40:
                 yield limit * ONE, [(pi.OFF, 0, 0)] + [(pi.RUN, end, 0)] * steps
 
-    def beside(self, limit, sign):
+    def approach_limit(self, limit, sign):
         """Operations that bring acc as near as it can be to one side of a limit, where no single LSB is possible."""
         if self.p.ki == 0:
             return None
         reach = min((self.p.hi - self.p.lo) * ONE // abs(self.p.ki), 1 << 14)
-        near = min(range(-reach, reach + 1), key=lambda e: (sign * self.p.ki * e) % ONE or ONE)
-        moved = self.p.ki * near
+        closest_error = min(range(-reach, reach + 1), key=lambda e: (sign * self.p.ki * e) % ONE or ONE)
+        integral_step = self.p.ki * closest_error
         # target = limit + distance, distance > 0 towards `sign`
-        distance = sign * ((sign * moved) % ONE)
-        start = limit + (distance - moved) // ONE
+        distance = sign * ((sign * integral_step) % ONE)
+        start = limit + (distance - integral_step) // ONE
         if self.preset is None or not self.presets([start]):
             return None
-        return [(pi.OFF, 0, start), *((pi.RUN, e, 0) for e in self.errors(near))]
+        return [(pi.OFF, 0, start), *((pi.RUN, e, 0) for e in self.errors(closest_error))]
 
 
 def presets_at_the_limits(loop):
@@ -105,10 +105,10 @@ def presets_at_the_limits(loop):
 
 
 def acc_at_the_limits(loop):
-    step = even_part(loop.p.ki)
+    step = largest_power_of_two(loop.p.ki)
     for limit in (loop.p.lo, loop.p.hi):
-        for near in (-1, 0, 1):
-            ops = loop.place(limit * ONE + near * step) or (near and loop.beside(limit, near))
+        for offset_steps in (-1, 0, 1):
+            ops = loop.solve_operations(limit * ONE + offset_steps * step) or (offset_steps and loop.approach_limit(limit, offset_steps))
             for op in ops or ():
                 loop.operate(*op)
 
@@ -116,39 +116,39 @@ def acc_at_the_limits(loop):
 def rounding(loop):
     """Sums whose 24 dropped bits are 0, 1, half -1, half, half +1, all ones; ties of either sign, even and odd."""
     p, half = loop.p, ONE >> 1
-    step = min(even_part(p.kp), even_part(p.ki))
+    step = min(largest_power_of_two(p.kp), largest_power_of_two(p.ki))
     for low in (0, step, half - step, half, half + step, ONE - step):
-        wanted = {(low, sign, odd) for sign in (0, 1) for odd in (0, 1)} if low == half else {low}
+        open_kinds = {(low, sign, odd) for sign in (0, 1) for odd in (0, 1)} if low == half else {low}
         for first in range(48):
             for start in loop.presets((1, 2, 0, p.lo, p.hi, (p.lo + p.hi) // 2))[: 3 if first else 6]:
                 acc = min(max(start * ONE + p.ki * first, p.lo * ONE), p.hi * ONE)
                 if p.kp:
-                    tries = [(acc + p.kp * e, first, e) for e in loop.solved(p.kp, (low - acc) % ONE)]
+                    tries = [(acc + p.kp * e, first, e) for e in loop.solve_errors(p.kp, (low - acc) % ONE)]
                 else:
-                    tries = [(start * ONE + p.ki * e, e, 0) for e in loop.solved(p.ki, low)]
+                    tries = [(start * ONE + p.ki * e, e, 0) for e in loop.solve_errors(p.ki, low)]
                     tries = [t for t in tries if p.lo * ONE <= t[0] <= p.hi * ONE]
                 for total, run, last in tries:
                     kind = (low, int(total < 0), (total >> pi.SHIFT) & 1) if low == half else low
-                    if kind in wanted and loop.error.holds(run) and loop.error.holds(last):
-                        wanted.discard(kind)
+                    if kind in open_kinds and loop.error.holds(run) and loop.error.holds(last):
+                        open_kinds.discard(kind)
                         loop.operate(pi.OFF, 0, start)
                         loop.operate(pi.RUN, run, 0)
                         if p.kp:
                             loop.operate(pi.P_ONLY, last, 0)
                         loop.operate(pi.HOLD, 0, 0)
-            if not wanted:
+            if not open_kinds:
                 break
 
 
 def y_at_the_limits(loop):
     p = loop.p
     for limit in (p.lo, p.hi):
-        for near in (-2, -1, 0, 1, 2):
+        for offset_lsb in (-2, -1, 0, 1, 2):
             for e in (0, 1, -1, 2, -2, 3, -3, 4, -4):
-                value = limit + near - half_up(p.kp * e, pi.SHIFT)
+                value = limit + offset_lsb - half_up(p.kp * e, pi.SHIFT)
                 ops = [(pi.OFF, 0, value)] if loop.presets([value]) else None
                 if loop.preset is None and p.lo <= value <= p.hi:
-                    ops = _nearest(loop, value)
+                    ops = _approach_value(loop, value)
                 if ops:
                     for op in ops:
                         loop.operate(*op)
@@ -157,7 +157,7 @@ def y_at_the_limits(loop):
                     break
 
 
-def _nearest(loop, value):
+def _approach_value(loop, value):
     """Operations without a preset that bring acc nearest to a value of y."""
     for base, ops in loop.bases():
         total = (value * ONE - base) // loop.p.ki if loop.p.ki else 0
@@ -173,7 +173,7 @@ def comparators(loop):
     """
     p = loop.p
     if loop.preset is None:
-        _comparators_without_preset(loop)
+        _comparators_by_integration(loop)
         return
     for limit in (p.lo, p.hi):
         for target in around(limit, pi.OUT):
@@ -181,13 +181,13 @@ def comparators(loop):
                 loop.operate(pi.OFF, 0, target)
                 loop.operate(pi.RUN, 0, 0)
             if not p.lo <= target <= p.hi:
-                _beyond(loop, target)
+                _overshoot_limit(loop, target)
     for k in range(pi.SHIFT):
-        for op in loop.place(p.hi * ONE + (1 << k)) or ():
+        for op in loop.solve_operations(p.hi * ONE + (1 << k)) or ():
             loop.operate(*op)
 
 
-def _comparators_without_preset(loop):
+def _comparators_by_integration(loop):
     """As `comparators`: acc from a limit that it is clamped to, in steps of ki; y from acc = 0, by acc and prop."""
     p = loop.p
     if not (p.kp and p.ki):
@@ -214,7 +214,7 @@ def _comparators_without_preset(loop):
                 loop.operate(pi.HOLD, 0, 0)
 
 
-def _beyond(loop, target):
+def _overshoot_limit(loop, target):
     """The sum behind y at a target beyond a limit by prop, then acc there by one error, if they get so far."""
     for gain, mode in ((loop.p.kp, pi.P_ONLY), (loop.p.ki, pi.RUN)):
         limit = loop.p.hi if target > loop.p.hi else loop.p.lo
@@ -232,7 +232,7 @@ def carries(loop):
     At half every set bit decides whether y is rounded up; a step below it every clear one would, if it were set.
     """
     p, half = loop.p, ONE >> 1
-    step = min(even_part(p.kp), even_part(p.ki))
+    step = min(largest_power_of_two(p.kp), largest_power_of_two(p.ki))
     if not p.kp:
         return
     for low, level in ((half, 1), (half - step, 0)):
@@ -243,12 +243,12 @@ def carries(loop):
                 acc = start * ONE + p.ki * run
                 if not p.lo * ONE < acc < p.hi * ONE:
                     continue
-                for e in loop.solved(p.kp, (low - acc) % ONE):
+                for e in loop.solve_errors(p.kp, (low - acc) % ONE):
                     total = (acc + p.kp * e) >> pi.SHIFT
                     terms = {"prop": p.kp * e, "acc": acc}
-                    seen = {(name, k) for name, k in missing if terms[name] >> k & 1 == level}
-                    if seen and loop.error.holds(e) and p.lo < total < p.hi:
-                        missing -= seen
+                    decided_bits = {(name, k) for name, k in missing if terms[name] >> k & 1 == level}
+                    if decided_bits and loop.error.holds(e) and p.lo < total < p.hi:
+                        missing -= decided_bits
                         loop.operate(pi.OFF, 0, start)
                         loop.operate(pi.RUN, run, 0)
                         loop.operate(pi.P_ONLY, e, 0)
@@ -268,18 +268,18 @@ def edges_pi(w):
     p = w.block.cases[w.case]
 
     def operate(mode, e, preset):
-        w.row({"en": 1, "mode": mode, "e": e, "preset": preset})
+        w.append_row({"en": 1, "mode": mode, "e": e, "preset": preset})
 
     everything(Loop(p, pi.ERR, pi.OUT, operate))
     for limit in (p.lo, p.hi):
-        w.row({"en": 1, "mode": pi.OFF, "preset": limit})
+        w.append_row({"en": 1, "mode": pi.OFF, "preset": limit})
         for e in (0, 1, -1, pi.ERR.hi, pi.ERR.lo, 1, -1):
             for mode in (pi.RUN, pi.P_ONLY, pi.HOLD):
-                w.row({"en": 1, "mode": mode, "e": e, "preset": limit})
-        w.row({"mode": pi.RUN, "e": 5}, times=2)
+                w.append_row({"en": 1, "mode": mode, "e": e, "preset": limit})
+        w.append_row({"mode": pi.RUN, "e": 5}, times=2)
 
 
-def _errors_of(stem, e):
+def _loop_error_inputs(stem, e):
     """Inputs that make the error of a loop."""
     if stem == "agc":
         return {"setpoint": max(e, 0), "magnitude": max(-e, 0)}
@@ -299,26 +299,26 @@ def edges_loop(w):
     fixed = stem == "frequency_tracker"
 
     def operate(mode, e, value):
-        w.row({"en": 1, "mode": pi.HOLD, **_errors_of(stem, e)})
-        w.row({"en_pi": 1, "mode": mode, **({} if fixed else {"preset": value})})
+        w.append_row({"en": 1, "mode": pi.HOLD, **_loop_error_inputs(stem, e)})
+        w.append_row({"en_pi": 1, "mode": mode, **({} if fixed else {"preset": value})})
 
     p = w.block.cases[w.case].loop
     everything(Loop(p, ERRORS[stem], None if fixed else preset, operate))
-    w.row(times=3)
+    w.append_row(times=3)
     if fixed:
         # the word at all ones, at 0, and one LSB beyond each end
         for e in (1, -1):
             for word in (-2, -1, 0, 1):
-                w.row(
+                w.append_row(
                     {"en": 1, "load": 1, "preset": (word - half_up(p.kp * e, pi.SHIFT)) % (preset.hi + 1), "phase": e}
                 )
-                w.row({"en_pi": 1, "mode": pi.OFF})
-                w.row({"en_pi": 1, "mode": pi.P_ONLY})
-                w.row(times=3)
+                w.append_row({"en_pi": 1, "mode": pi.OFF})
+                w.append_row({"en_pi": 1, "mode": pi.P_ONLY})
+                w.append_row(times=3)
     modes = next(port for port in w.wide if port.name == "mode")
     for mode in (0, 2, 1, 2, 3, modes.fmt.hi, 2):
         for port in w.wide:
             for value in corners(port.fmt) if port.name != "mode" else ():
-                w.row({**w.some(), "mode": mode, port.name: value, "en": 1})
-                w.row({**w.some(), "mode": mode, port.name: value, "en_pi": 1})
-                w.row({"mode": mode}, times=3)
+                w.append_row({**w.some(), "mode": mode, port.name: value, "en": 1})
+                w.append_row({**w.some(), "mode": mode, port.name: value, "en_pi": 1})
+                w.append_row({"mode": mode}, times=3)

@@ -18,10 +18,10 @@ T_ONE = 1 << rate_output.CODE_CUT
 half_up = getattr(half_up, "py_func", half_up)
 
 
-def dropped(cut):
+def rounding_edge_bits(cut):
     """(bits that are cut, what is kept) at the edges of a rounding; a tie with every sign and parity."""
     half, size = 1 << (cut - 1), 1 << cut
-    ties = [(half, kept) for kept in (2, 3, -2, -3)]
+    ties = [(half, quotient) for quotient in (2, 3, -2, -3)]
     return [(low, 2) for low in (0, 1, half - 1, half + 1, size - 1)] + ties
 
 
@@ -31,31 +31,31 @@ def _word(corrected):
     return {"word": word, "bias": (word << 8) - corrected}
 
 
-def _scale(w):
+def _append_scale_sum_limits(w):
     lo, hi = rate_output.SCALE.lo, rate_output.SCALE.hi
-    for low, kept in dropped(SUM_CUT):
-        w.operation({"scale": kept, "scale_t1": low, "temperature": T_ONE, "word": 1 << 20})
+    for low, quotient in rounding_edge_bits(SUM_CUT):
+        w.operation({"scale": quotient, "scale_t1": low, "temperature": T_ONE, "word": 1 << 20})
     for scale, more in ((hi, 1), (hi, 0), (hi, -1), (lo, -1), (lo, 0), (lo, 1)):
         w.operation({"scale": scale, "scale_t1": more << SUM_CUT, "temperature": T_ONE, "word": 1 << 10})
 
 
-def _corrected(w):
+def _append_corrected_limits(w):
     lo, hi = rate_output.CORRECTED.lo, rate_output.CORRECTED.hi
-    for low, kept in dropped(BIAS_CUT):
+    for low, quotient in rounding_edge_bits(BIAS_CUT):
         # word*2**24 - (b0*2**16 + b1): b1 takes the dropped bits away from one more than is kept
-        w.operation({"scale": ONE, **_word(kept + 1), "bias_t1": (1 << BIAS_CUT) - low, "temperature": T_ONE})
-    for wanted in (lo - 1, lo, lo + 1, hi - 1, hi, hi + 1):
-        w.operation({"scale": ONE, **_word(wanted)})
+        w.operation({"scale": ONE, **_word(quotient + 1), "bias_t1": (1 << BIAS_CUT) - low, "temperature": T_ONE})
+    for target_corrected in (lo - 1, lo, lo + 1, hi - 1, hi, hi + 1):
+        w.operation({"scale": ONE, **_word(target_corrected)})
 
 
-def _scaled(w):
+def _append_scaled_limits(w):
     lo, hi = rate_output.OUT.lo, rate_output.OUT.hi
-    for low, kept in dropped(rate_output.SCALED_CUT):
-        w.operation({"scale": 1, **_word((kept << rate_output.SCALED_CUT) + low)})
-    for wanted in (lo - 1, lo, lo + 1, hi - 1, hi, hi + 1):
+    for low, quotient in rounding_edge_bits(rate_output.SCALED_CUT):
+        w.operation({"scale": 1, **_word((quotient << rate_output.SCALED_CUT) + low)})
+    for target_output in (lo - 1, lo, lo + 1, hi - 1, hi, hi + 1):
         for scale in (ONE, 3 * ONE // 2, rate_output.SCALE.hi):
-            near = (wanted << rate_output.SCALED_CUT) // scale
-            exact = [c for c in (near, near + 1) if half_up(c * scale, rate_output.SCALED_CUT) == wanted]
+            estimate = (target_output << rate_output.SCALED_CUT) // scale
+            exact = [c for c in (estimate, estimate + 1) if half_up(c * scale, rate_output.SCALED_CUT) == target_output]
             if exact and rate_output.CORRECTED.holds(exact[0]):
                 w.operation({"scale": scale, **_word(exact[0])})
                 break
@@ -63,10 +63,10 @@ def _scaled(w):
 
 def _means(w):
     """Sums whose cut bits are at every edge, by one sample that is not 0; 2**k samples for each mean."""
-    w.row(rst=1)
+    w.append_row(rst=1)
     for k in (1, 2, 3):
-        for low, kept in dropped(k):
-            w.operation({"decimation": k, "scale": ONE, **_word((kept << k) + low)})
+        for low, quotient in rounding_edge_bits(k):
+            w.operation({"decimation": k, "scale": ONE, **_word((quotient << k) + low)})
             for _ in range((1 << k) - 1):
                 w.operation({"decimation": k, "scale": ONE})
 
@@ -75,9 +75,9 @@ def _squares(w):
     """Temperatures whose squares are at the edges of what their rounding drops: of all of them, the least."""
     t = np.arange(rate_output.T.lo, rate_output.T.hi + 1)
     low, half = (t * t) & ((1 << rate_output.T2_CUT) - 1), 1 << (rate_output.T2_CUT - 1)
-    for wanted in (0, 1, half - 1, half, half + 1, 2 * half - 1):
-        found = t[low == wanted]
-        for value in (found[found < 0][-1:], found[found > 0][:1]):
+    for dropped_bits in (0, 1, half - 1, half, half + 1, 2 * half - 1):
+        temperatures = t[low == dropped_bits]
+        for value in (temperatures[temperatures < 0][-1:], temperatures[temperatures > 0][:1]):
             if len(value):
                 w.operation({"scale": ONE, "word": 256, "temperature": int(value[0]) << rate_output.CODE_CUT})
 
@@ -92,25 +92,25 @@ def _decimations(w):
 def _resets(w):
     """Resets within a mean: of 64 at its last sample, and while a sample is on its way; then where one is ready."""
     for k, samples in ((6, 63), (3, 2)):
-        w.row(rst=1)
+        w.append_row(rst=1)
         for _ in range(samples):
             w.operation({"decimation": k, "scale": ONE, "word": w.random.raw(rate_output.CODE)})
-        w.row({"decimation": k, "scale": ONE, "en": 1}, times=1)
-        w.row({"decimation": k, "scale": ONE}, times=2)
-        w.row(rst=1)
-    w.row({"scale": ONE, "en": 1, "word": 1})
-    w.row({"scale": ONE, "word": 1}, times=w.block.wait - 1)
-    w.row(rst=1)
+        w.append_row({"decimation": k, "scale": ONE, "en": 1}, times=1)
+        w.append_row({"decimation": k, "scale": ONE}, times=2)
+        w.append_row(rst=1)
+    w.append_row({"scale": ONE, "en": 1, "word": 1})
+    w.append_row({"scale": ONE, "word": 1}, times=w.block.wait - 1)
+    w.append_row(rst=1)
 
 
-def _samples(w):
+def _append_input_changes(w):
     """Word and temperature are those of `en`: in each clock that follows both are others."""
     word, temperature = rate_output.CODE.hi // 3, T_ONE * (rate_output.T.hi // 3)
     for sign in (1, -1):
         first = {"scale": ONE >> 8, "bias_t1": 1 << 20, "bias_t2": 3, "scale_t1": 1 << 20, "scale_t2": 5}
-        w.row({**first, "en": 1, "word": sign * word, "temperature": sign * temperature})
+        w.append_row({**first, "en": 1, "word": sign * word, "temperature": sign * temperature})
         for clock in range(w.block.wait):
-            w.row({**first, "word": ~(sign * word) ^ clock, "temperature": -(sign * temperature >> 1) ^ (clock << 12)})
+            w.append_row({**first, "word": ~(sign * word) ^ clock, "temperature": -(sign * temperature >> 1) ^ (clock << 12)})
 
 
 def _low_bits(w):
@@ -122,5 +122,5 @@ def _low_bits(w):
 
 
 def edges_rate_output(w):
-    for part in (_scale, _corrected, _scaled, _means, _squares, _decimations, _resets, _samples, _low_bits):
+    for part in (_append_scale_sum_limits, _append_corrected_limits, _append_scaled_limits, _means, _squares, _decimations, _resets, _append_input_changes, _low_bits):
         part(w)

@@ -13,7 +13,7 @@ RANDOM_ROWS = 600
 
 
 def idle(w):
-    w.row(times=8)
+    w.append_row(times=8)
 
 
 def corner_values(w):
@@ -39,9 +39,9 @@ def signs(w):
 
 def walking_ones(w):
     w.family("walking_ones")
-    places = [(port, k) for port in w.wide for k in range(port.width)]
-    stride = max(1, -(-len(places) * (1 + w.block.wait) // WALKING_ROWS))
-    for port, k in places[::stride]:
+    port_bits = [(port, k) for port in w.wide for k in range(port.width)]
+    stride = max(1, -(-len(port_bits) * (1 + w.block.wait) // WALKING_ROWS))
+    for port, k in port_bits[::stride]:
         value = 1 << k
         if port.signed and k == port.width - 1:
             value = port.fmt.lo
@@ -51,12 +51,12 @@ def walking_ones(w):
 def reset_at(w):
     """Reset k rows after an operation began, for every k until it is over, and again with the strobes high."""
     w.family("reset_at")
-    for k in range(min(blocks.depth_of(w.block), 64) + 3):
+    for k in range(min(blocks.sweep_clocks(w.block), 64) + 3):
         values = w.some()
-        w.row({**values, **dict.fromkeys(w.block.strobes, 1)})
-        w.row({**values, **({} if w.block.wait else dict.fromkeys(w.block.strobes, 1))}, times=k)
-        w.row({**w.some(), **w.flips()}, rst=1)
-        w.row(times=2)
+        w.append_row({**values, **dict.fromkeys(w.block.strobes, 1)})
+        w.append_row({**values, **({} if w.block.wait else dict.fromkeys(w.block.strobes, 1))}, times=k)
+        w.append_row({**w.some(), **w.flips()}, rst=1)
+        w.append_row(times=2)
 
 
 def enable_at(w):
@@ -65,10 +65,10 @@ def enable_at(w):
         return
     w.family("enable_at")
     least = 1 if w.block.dense else w.block.wait
-    for k in range(least, max(least, blocks.depth_of(w.block)) + 3):
+    for k in range(least, max(least, blocks.sweep_clocks(w.block)) + 3):
         values = w.some()
-        w.row({**values, **dict.fromkeys(w.block.strobes, 1)})
-        w.row(values, times=k - 1)
+        w.append_row({**values, **dict.fromkeys(w.block.strobes, 1)})
+        w.append_row(values, times=k - 1)
         w.operation(w.some())
 
 
@@ -78,13 +78,13 @@ def controls(w):
         return
     w.family("controls")
     count = len(w.flags)
-    words = range(1 << count) if count <= 6 else [w.random.below(1 << count) for _ in range(64)]
+    words = range(1 << count) if count <= 6 else [w.random.draw_integer(1 << count) for _ in range(64)]
     for word in words:
         for _ in range(2):
-            w.row({**w.some(), **{port.name: (word >> k) & 1 for k, port in enumerate(w.flags)}})
+            w.append_row({**w.some(), **{port.name: (word >> k) & 1 for k, port in enumerate(w.flags)}})
 
 
-def held(w):
+def steady_inputs(w):
     """Steady inputs with the strobes high, 1 to 40 rows each: counters, accumulators and idle tones."""
     if not w.block.dense:
         return
@@ -93,24 +93,24 @@ def held(w):
         values = {port.name: w.random.pick(corners(port.fmt)) for port in w.wide}
         values |= w.flips(1, 4)
         values |= dict.fromkeys(w.block.strobes, 1)
-        w.row(values, times=1 + w.random.below(40))
+        w.append_row(values, times=1 + w.random.draw_integer(40))
 
 
 def random_rows(w):
     if w.block.dense:
         w.family("random_dense")
         for _ in range(RANDOM_ROWS):
-            w.row({**w.some(), **w.flips()}, rst=int(w.random.below(100) == 0))
+            w.append_row({**w.some(), **w.flips()}, rst=int(w.random.draw_integer(100) == 0))
         w.family("random_corners")
         for _ in range(RANDOM_ROWS):
-            w.row({**{p.name: w.random.pick(corners(p.fmt)) for p in w.wide}, **w.flips(3, 4)})
+            w.append_row({**{p.name: w.random.pick(corners(p.fmt)) for p in w.wide}, **w.flips(3, 4)})
     w.family("random_sparse")
     for _ in range(RANDOM_ROWS // (1 + w.block.wait)):
-        others = {k: v for k, v in w.flips().items() if k not in w.block.strobes}
-        w.operation({**w.some(), **others})
-        if w.random.below(4) == 0:
-            w.row(w.some(), times=w.random.below(5))
+        flag_values = {k: v for k, v in w.flips().items() if k not in w.block.strobes}
+        w.operation({**w.some(), **flag_values})
+        if w.random.draw_integer(4) == 0:
+            w.append_row(w.some(), times=w.random.draw_integer(5))
 
 
 of_values = (corner_values, signs, walking_ones)
-of_strobes = (reset_at, enable_at, controls, held, random_rows)
+of_strobes = (reset_at, enable_at, controls, steady_inputs, random_rows)

@@ -31,10 +31,10 @@ HOST = {
 
 
 @functools.cache
-def _wired():
+def _wiring_levels():
     """{stem: {register or pin: level}} of what the wiring of control and top reads."""
     stems = {path: module.__name__.rpartition(".")[2] for path, module in wiring.within(top.State)}
-    found = {}
+    level_by_register = {}
     for module, before in ((control, "control."), (top, "")):
         for wire in wiring.trace(module, whole=True).wires:
             level = "pins" if wire.instance == "pins" else "outputs"
@@ -42,42 +42,42 @@ def _wired():
                 for path, stem in stems.items():
                     if name.startswith(f"{path}.") and not f"{before}{wire.instance}.".startswith(f"{path}."):
                         register = flat(name[len(path) + 1 :])
-                        found[stem, register] = level if level == "pins" else found.get((stem, register), level)
-    return found
+                        level_by_register[stem, register] = level if level == "pins" else level_by_register.get((stem, register), level)
+    return level_by_register
 
 
 @functools.cache
-def _read_within():
+def _parent_reads():
     """(stem, register) of what a block reads of the blocks within it, as `s.part.register`."""
-    found = set()
+    register_reads = set()
     for module in declared().values():
         parts = {field: part.__name__.rpartition(".")[2] for field, part in parts_of(module.State).items()}
         for node in ast.walk(ast.parse(inspect.getsource(module))):
             inner = getattr(node, "value", None)
             if isinstance(node, ast.Attribute) and isinstance(inner, ast.Attribute) and inner.attr in parts:
-                found.add((parts[inner.attr], node.attr))
-    return found
+                register_reads.add((parts[inner.attr], node.attr))
+    return register_reads
 
 
-def level_of(stem, name, is_pin):
+def port_level(stem, name, is_pin):
     """First level that judges a register, or a combinational pin, of a block."""
     if stem == top.__name__.rpartition(".")[2]:
         return "pins" if is_pin else "registers"
-    wired = _wired().get((stem, name))
-    if wired is None and (is_pin or (stem, name) in _read_within() or name in HOST.get(stem, ())):
+    wiring_level = _wiring_levels().get((stem, name))
+    if wiring_level is None and (is_pin or (stem, name) in _parent_reads() or name in HOST.get(stem, ())):
         return "outputs"
-    return wired or "registers"
+    return wiring_level or "registers"
 
 
-def entry(block):
+def levels_entry(block):
     """Entry `levels` of the manifest of a `blocks.Block`: RTL ports that a level below `registers` judges."""
-    ports = [(f"r_{p.name}", level_of(block.stem, p.name, False)) for p in block.registers]
-    ports += [(f"o_{p.name}", level_of(block.stem, p.name, True)) for p in block.pins]
+    ports = [(f"r_{p.name}", port_level(block.stem, p.name, False)) for p in block.registers]
+    ports += [(f"o_{p.name}", port_level(block.stem, p.name, True)) for p in block.pins]
     return {"pins": [n for n, level in ports if level == "pins"],
             "outputs": [n for n, level in ports if level != "registers"]}  # fmt: skip
 
 
-def judged(manifest, level):
+def compared_ports(manifest, level):
     """[(RTL port, entry of the manifest)] of what a level judges; ConfigError for another level, or an empty one."""
     ports = [(f"r_{p['name']}", p) for p in manifest["registers"]] + [
         (f"o_{p['name']}", p) for p in manifest["outputs"]
@@ -87,13 +87,13 @@ def judged(manifest, level):
     if level == "registers":
         return ports
     stated = checked(manifest.get("levels"), dict[str, list[str]], "manifest: levels")
-    found = [(name, p) for name, p in ports if name in stated.get(level, ())]
-    if not found:
+    level_ports = [(name, p) for name, p in ports if name in stated.get(level, ())]
+    if not level_ports:
         raise ConfigError(f"level: {manifest['block']} has no port at level {level}")
-    return found
+    return level_ports
 
 
-def kind_of(manifest, name):
+def port_kind(manifest, name):
     """pin, output or register: the first level that judges an RTL port."""
     stated = manifest.get("levels", {})
     return next((KINDS[level] for level in LEVELS[:2] if name in stated.get(level, ())), "register")
@@ -127,14 +127,14 @@ def used_params(manifest):
     return [p for p in manifest.get("params", []) if p["name"] not in unused]
 
 
-def left_out(manifest):
+def omitted_params(manifest):
     """Entries of the parameters that a block has and this bundle does not list, as each is 0 in it."""
     module = declared().get(manifest["block"])
     if not hasattr(module, "Params"):
         return []
-    shape, given = formats(module.Params, DEFAULT), {p["name"] for p in manifest.get("params", [])}
-    listed = {name for name, _ in asked(shape, given)}
-    return [{"name": flat(name), "fmt": list(fmt)} for name, fmt in leaves(shape) if flat(name) not in listed]
+    shape, present_names = formats(module.Params, DEFAULT), {p["name"] for p in manifest.get("params", [])}
+    required_names = {name for name, _ in asked(shape, present_names)}
+    return [{"name": flat(name), "fmt": list(fmt)} for name, fmt in leaves(shape) if flat(name) not in required_names]
 
 
 @dataclass
@@ -145,7 +145,7 @@ class Key:
     value: int
 
 
-def told(manifest):
+def rtl_parameters(manifest):
     """[(NAME, value)] of the keys that the RTL of a bundle takes; FileError where the entry is none."""
-    listed = checked(manifest.get("design_params", []), list[Key], "manifest: design_params")
-    return [(key.name, key.value) for key in listed]
+    entries = checked(manifest.get("design_params", []), list[Key], "manifest: design_params")
+    return [(key.name, key.value) for key in entries]

@@ -17,8 +17,8 @@ def script_axi_slave(w):
     """Accesses come from a state with nothing under way, unless they are meant to meet."""
     writes = {"awvalid": 1, "wvalid": 1}
 
-    def drained():
-        w.row(times=DRAIN)
+    def drain_responses():
+        w.append_row(times=DRAIN)
 
     def some(**given):
         """Random words, addresses of words, all strobes; and what is given."""
@@ -28,49 +28,49 @@ def script_axi_slave(w):
         return {**values, "wstrb": axi_slave.EVERY_BYTE, **given}
 
     def write(**given):
-        w.row(some(**writes, **given))
-        w.row(some(), times=2)
+        w.append_row(some(**writes, **given))
+        w.append_row(some(), times=2)
 
     def read(**given):
-        w.row(some(arvalid=1, **given))
-        w.row(some())
-        w.row(some())
+        w.append_row(some(arvalid=1, **given))
+        w.append_row(some())
+        w.append_row(some())
 
     # every strobe at every place within a word, alone and while a read waits; each bit of an address
-    for strobes, within in itertools.product(range(axi_slave.STROBES.hi + 1), range(axi_slave.WITHIN_WORD + 1)):
-        write(wstrb=strobes, awaddr=4 * strobes + within)
-        w.row(some(**writes, arvalid=1, wstrb=strobes, awaddr=within, araddr=within ^ 1))
-        drained()
+    for strobes, byte_offset in itertools.product(range(axi_slave.STROBES.hi + 1), range(axi_slave.WITHIN_WORD + 1)):
+        write(wstrb=strobes, awaddr=4 * strobes + byte_offset)
+        w.append_row(some(**writes, arvalid=1, wstrb=strobes, awaddr=byte_offset, araddr=byte_offset ^ 1))
+        drain_responses()
     for k in range(axi_slave.ADDRESS.width):
         for value in (1 << k, axi_slave.ADDRESS.hi ^ 1 << k):
             write(awaddr=value)
             read(araddr=value)
     # two rows of every word of the flags in sequence, then drained; with a response that waits before them, and without
-    for held, first, second in itertools.product((0, 1), EVENTS, EVENTS):
-        if held:
-            w.row(some(**writes, arvalid=1))
-            w.row(some(bready=0, rready=0), times=2)
-        w.row(some(**first))
-        w.row(some(**second))
-        w.row(some(bready=1, rready=1))
-        if w.random.below(4) == 0:
-            w.row(some(), rst=1)
-    drained()
+    for is_stalled, first, second in itertools.product((0, 1), EVENTS, EVENTS):
+        if is_stalled:
+            w.append_row(some(**writes, arvalid=1))
+            w.append_row(some(bready=0, rready=0), times=2)
+        w.append_row(some(**first))
+        w.append_row(some(**second))
+        w.append_row(some(bready=1, rready=1))
+        if w.random.draw_integer(4) == 0:
+            w.append_row(some(), rst=1)
+    drain_responses()
     # responses that wait long, while the same kind and the other go on
     for ready in ({"bready": 0}, {"rready": 0}, {"bready": 0, "rready": 0}):
         for _ in range(6):
-            w.row(some(**writes, arvalid=1, **ready))
-        drained()
+            w.append_row(some(**writes, arvalid=1, **ready))
+        drain_responses()
     # a reset while each request and response waits
     for opened in ({"awvalid": 1}, {"wvalid": 1}, {"arvalid": 1}, {**writes, "arvalid": 1}):
         for rows in range(4):
-            w.row(some(**opened, wstrb=6, bready=0, rready=0))
-            w.row(some(bready=0, rready=0), times=rows)
-            w.row(some(**opened), rst=1)
-            w.row(some(), times=2)
+            w.append_row(some(**opened, wstrb=6, bready=0, rready=0))
+            w.append_row(some(bready=0, rready=0), times=rows)
+            w.append_row(some(**opened), rst=1)
+            w.append_row(some(), times=2)
     # a host with random wait states, busy to slow
     for busy in (1, 2, 3):
         for _ in range(WAITS):
-            flags = {name: int(w.random.below(4) >= busy) for name in FLAGS}
-            strobes = w.random.pick((axi_slave.EVERY_BYTE, axi_slave.EVERY_BYTE, 0, w.random.below(16)))
-            w.row(some(**flags, wstrb=strobes))
+            flags = {name: int(w.random.draw_integer(4) >= busy) for name in FLAGS}
+            strobes = w.random.pick((axi_slave.EVERY_BYTE, axi_slave.EVERY_BYTE, 0, w.random.draw_integer(16)))
+            w.append_row(some(**flags, wstrb=strobes))

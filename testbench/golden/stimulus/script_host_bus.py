@@ -18,7 +18,7 @@ READ_EVENTS = ({"start": 1}, {"fetch": 1, "address": SAMPLE}, {"done": 1}, {"fet
 def script_host_bus(w):
     def rows(*given):
         for values in given:
-            w.row({**w.some(), **values})
+            w.append_row({**w.some(), **values})
 
     def write(address, data):
         rows({"write": 1, "address": address, "data": data})
@@ -32,13 +32,13 @@ def script_host_bus(w):
     for low, high in itertools.product((*PAIRS, 0, 48, 64), repeat=2):
         write(low, w.random.raw(host_bus.WORD))
         write(high + HIGH, w.random.raw(host_bus.WORD))
-        w.row()
+        w.append_row()
     # addresses that differ in one bit from the one that counts
     for k in range(host_bus.REGISTER_AT, spi_slave.ADDRESS.width):
         for low in PAIRS:
             write(low, w.random.raw(host_bus.WORD))
             write((low ^ 1 << k) + HIGH, w.random.raw(host_bus.WORD))
-            w.row()
+            w.append_row()
     for k in range(spi_slave.ADDRESS.width):
         rows(
             SAMPLE_EVENTS[1],
@@ -74,13 +74,13 @@ def script_host_bus(w):
     # a reset, and every strobe, while a low word waits
     for values in ({}, {"fetch": 1}, {"frame": 1}, {"write": 1, "address": ERRORS}):
         write(PAIRS[0], w.random.raw(host_bus.WORD))
-        w.row({**w.some(), **values}, rst=0 if values else 1)
+        w.append_row({**w.some(), **values}, rst=0 if values else 1)
     for unread in range(3):
         rows(READ_EVENTS[1], READ_EVENTS[2], READ_EVENTS[1], *[SAMPLE_EVENTS[1]] * unread, SAMPLE_EVENTS[2])
         write(ERRORS, unread)
-        w.row(w.some(), rst=1)
+        w.append_row(w.some(), rst=1)
     for single in range(8):
         rows({**SAMPLE_EVENTS[1], "flags": 1 << single}, READ_EVENTS[1])
     # the count of frames to its wrap
-    w.row({"frame": 1, "valid": 1}, times=host_bus.NUMBER.hi + 3)
+    w.append_row({"frame": 1, "valid": 1}, times=host_bus.NUMBER.hi + 3)
     rows(READ_EVENTS[1], READ_EVENTS[2])

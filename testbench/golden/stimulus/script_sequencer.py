@@ -30,22 +30,22 @@ class Walk:
         self.reset()
 
     def reset(self, en=1):
-        self.w.row({"en": en, "i_control": sequencer.RUN}, rst=1)
+        self.w.append_row({"en": en, "i_control": sequencer.RUN}, rst=1)
         self.state = sequencer.State()
 
     def run(self, times=1, control=sequencer.RUN, rests=(), **more):
         """Frames; the codes of the channels in `rests` do not move."""
         for _ in range(times):
             frame = next(self.frames)
-            given = {"control": control, "adc_ok": 1, "drive_sin": frame, "drive_cos": -frame}
-            given |= {"magnitude": SETPOINT, "setpoint": SETPOINT, **more}
+            frame_inputs = {"control": control, "adc_ok": 1, "drive_sin": frame, "drive_cos": -frame}
+            frame_inputs |= {"magnitude": SETPOINT, "setpoint": SETPOINT, **more}
             # a code near its limit is exact
             for name in ("sense_sin", "sense_cos"):
-                value = given.get(name, 0)
-                given[name] = value ^ (frame & 1) if value == 0 or abs(value) >= FAR else value
-            given |= dict.fromkeys(rests, 7)
-            self.w.row({"en": 1, **{f"i_{name}": value for name, value in given.items()}})
-            self.state = sequencer.step(self.p, self.state, 1, sequencer.Inputs(**given))
+                value = frame_inputs.get(name, 0)
+                frame_inputs[name] = value ^ (frame & 1) if value == 0 or abs(value) >= FAR else value
+            frame_inputs |= dict.fromkeys(rests, 7)
+            self.w.append_row({"en": 1, **{f"i_{name}": value for name, value in frame_inputs.items()}})
+            self.state = sequencer.step(self.p, self.state, 1, sequencer.Inputs(**frame_inputs))
 
     def until(self, state, **more):
         """Frames until the state comes; False if it does not."""
@@ -98,31 +98,31 @@ def _attempts(walk):
         walk.run(3 * (sequencer.ATTEMPTS_TOP + 4), magnitude=0)
 
 
-def _reached(walk):
+def _magnitude_thresholds(walk):
     """The magnitude at `reached` of the setpoint +-1 LSB of the magnitude, then of the product; and too slow."""
     p = walk.p
     walk.again(sequencer.ACQUIRE)
     walk.run(p.timeout + 2, magnitude=SETPOINT >> 1)
-    for near in (-1, 0, 1):
+    for offset_lsb in (-1, 0, 1):
         walk.again(sequencer.ACQUIRE)
-        walk.run(2, magnitude=(SETPOINT * p.reached >> 16) + near)
-    for near in (-1, 1):
-        setpoint = -near * pow(p.reached, -1, 1 << 16) % (1 << 16)
+        walk.run(2, magnitude=(SETPOINT * p.reached >> 16) + offset_lsb)
+    for offset_lsb in (-1, 1):
+        setpoint = -offset_lsb * pow(p.reached, -1, 1 << 16) % (1 << 16)
         walk.again(sequencer.ACQUIRE)
-        walk.run(1, setpoint=setpoint, magnitude=(setpoint * p.reached + near) >> 16)
+        walk.run(1, setpoint=setpoint, magnitude=(setpoint * p.reached + offset_lsb) >> 16)
         walk.run(2)
-    for near in (-1, 0, 1):
-        walk.run(1, magnitude=p.min_magnitude + near)
+    for offset_lsb in (-1, 0, 1):
+        walk.run(1, magnitude=p.min_magnitude + offset_lsb)
 
 
 def _rotations(walk):
     """Rotations whose product with the gain is at every edge of its rounding; phase steps at their ends."""
     p, size, half = walk.p, 1 << CUT, 1 << (CUT - 1)
     inverse = pow(p.gain, -1, size) if p.gain % 2 else 0
-    wanted = [(low, None, None) for low in (0, 1, half - 1, half + 1, size - 1)]
-    wanted += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
+    rounding_cases = [(low, None, None) for low in (0, 1, half - 1, half + 1, size - 1)]
+    rounding_cases += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
     sums = []
-    for low, odd, negative in wanted:
+    for low, odd, negative in rounding_cases:
         start = low * inverse % size
         for turn in itertools.chain.from_iterable((k, -1 - k) for k in range(8)):
             total = start + turn * size
@@ -137,49 +137,49 @@ def _rotations(walk):
             phase = before = 0
             for total in group:
                 phase, before = phase + total - before, total
-                walk.run(1, phase=_wrapped(phase))
-    for near in (-1, 0, 1, 2):
+                walk.run(1, phase=_wrap_phase(phase))
+    for offset_lsb in (-1, 0, 1, 2):
         if walk.again(sequencer.SEARCH):
-            whole, frames = limit + near, p.search
+            total_rotation, frames = limit + offset_lsb, p.search
             for k in range(1, frames + 1):
-                walk.run(1, phase=_wrapped(whole * k // frames))
+                walk.run(1, phase=_wrap_phase(total_rotation * k // frames))
     for first, second in ((2, -SETPOINT + 1), (1 - SETPOINT, 1), (0, -SETPOINT), (-SETPOINT, -1)):
         if walk.again(sequencer.SEARCH, phase=first):
             walk.run(1, phase=first)
             walk.run(1, phase=second)
 
 
-def _wrapped(phase):
+def _wrap_phase(phase):
     return (phase + SETPOINT) % (1 << 24) - SETPOINT
 
 
-def _limits(walk):
+def _error_limits(walk):
     """Each error at both of its limits, each code at its range, +-1 LSB."""
     p = walk.p.lock
     for table in (p.limit_in, p.limit_out):
-        for near, sign in itertools.product((-1, 0, 1), (1, -1)):
-            walk.run(1, phase=sign * (table[1] + near))
-            walk.run(1, sense_sin=sign * (table[2] + near))
-            walk.run(1, sense_cos=sign * (table[3] + near))
-            walk.run(1, magnitude=SETPOINT - sign * ((SETPOINT * table[0] >> 16) + near))
+        for offset_lsb, sign in itertools.product((-1, 0, 1), (1, -1)):
+            walk.run(1, phase=sign * (table[1] + offset_lsb))
+            walk.run(1, sense_sin=sign * (table[2] + offset_lsb))
+            walk.run(1, sense_cos=sign * (table[3] + offset_lsb))
+            walk.run(1, magnitude=SETPOINT - sign * ((SETPOINT * table[0] >> 16) + offset_lsb))
             walk.run(3)
         # a setpoint whose product with the limit has all ones in the bits that are cut
         walk.run(1, setpoint=(1 << 20) | (-pow(table[0], -1, 1 << 16) % (1 << 16)))
-    for near, sign in itertools.product((-1, 0, 1), (1, -1)):
+    for offset_lsb, sign in itertools.product((-1, 0, 1), (1, -1)):
         for name in CHANNELS:
-            walk.run(1, **{name: sign * (fault_monitor.RANGE_LIMIT + near)})
+            walk.run(1, **{name: sign * (fault_monitor.RANGE_LIMIT + offset_lsb)})
 
 
 def _bits_of_limits(walk):
     """Each bit of each error beside its limit, alone: not locked, where one good frame counts, then locked."""
     p = walk.p.lock
-    apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}
+    unlocked_sense = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}
     slow = {"magnitude": SETPOINT >> 1, "phase": 1 << 22}
     names = {"phase": 1, "sense_sin": 2, "sense_cos": 3}
     for name, k in names.items():
-        held = slow if name == "phase" else apart
-        places = ((sequencer.ACQUIRE if held is slow else sequencer.BALANCE, held, p.limit_in[k]),)
-        for state, between, limit in (*places, (sequencer.LOCKED, {}, p.limit_out[k])):
+        blocking_inputs = slow if name == "phase" else unlocked_sense
+        test_states = ((sequencer.ACQUIRE if blocking_inputs is slow else sequencer.BALANCE, blocking_inputs, p.limit_in[k]),)
+        for state, between, limit in (*test_states, (sequencer.LOCKED, {}, p.limit_out[k])):
             if not walk.again(state, **between):
                 continue
             for n, error in enumerate([*around(limit, signed(24)), -SETPOINT]):
@@ -200,7 +200,7 @@ def _amplitudes(walk):
         (sequencer.LOCKED, lock.limit_out, 32, {}),
     ):
         arrive = {**between, "magnitude": SETPOINT}
-        for setpoint in [(1 << 20) + random.below(3 << 20) for _ in range(count)]:
+        for setpoint in [(1 << 20) + random.draw_integer(3 << 20) for _ in range(count)]:
             limit = setpoint * table[0] >> lock_monitor.FRACTION
             for error in (limit, limit + 1, -limit, -limit - 1):
                 if walk.state.state == state or walk.again(state, **arrive):
@@ -208,30 +208,30 @@ def _amplitudes(walk):
                     walk.run(1, **between)
 
 
-def _covering(wanted):
+def _covering(kinds_by_key):
     """Keys, largest first, whose sets together hold all that the sets of {key: set} hold."""
-    while wanted:
-        key = max(wanted, key=lambda k: (len(wanted[k]), k))
+    while kinds_by_key:
+        key = max(kinds_by_key, key=lambda k: (len(kinds_by_key[k]), k))
         yield key
-        seen = wanted[key]
-        wanted = {k: kinds - seen for k, kinds in wanted.items() if kinds - seen}
+        covered_kinds = kinds_by_key[key]
+        kinds_by_key = {k: kinds - covered_kinds for k, kinds in kinds_by_key.items() if kinds - covered_kinds}
 
 
 def _magnitudes(walk):
     """Magnitudes for which one bit, of them or of the limit, decides whether a search finds."""
-    p, fmt, wanted = walk.p, sequencer.PARAMS_FMT.min_magnitude, {}
+    p, fmt, kinds_by_magnitude = walk.p, sequencer.PARAMS_FMT.min_magnitude, {}
     limit = p.min_magnitude
     for size in {limit, *around(limit, fmt), *((limit - (1 << k)) % (1 << fmt.width) for k in range(fmt.width))}:
         for bit in (1 << k for k in range(fmt.width)):
-            for what, found in (("size", size ^ bit >= limit), ("limit", size >= limit ^ bit)):
-                if found != (size >= limit):
-                    wanted.setdefault(size, set()).add((what, bit, size & bit > 0))
-    for size in _covering(wanted):
+            for what, is_accepted in (("size", size ^ bit >= limit), ("limit", size >= limit ^ bit)):
+                if is_accepted != (size >= limit):
+                    kinds_by_magnitude.setdefault(size, set()).add((what, bit, size & bit > 0))
+    for size in _covering(kinds_by_magnitude):
         if walk.again(sequencer.SEARCH):
             walk.run(p.search, magnitude=size)
 
 
-def _near(walk):
+def _setpoint_products(walk):
     """Set-points of which every bit of `reached` times them decides, and the magnitudes at both sides of the product.
 
     Of the bits below the magnitude's last one each alone is what keeps ACQUIRE from ending, or none is left.
@@ -239,44 +239,44 @@ def _near(walk):
     p, size = walk.p, 1 << 16
     low = [1 << k for k in range(16)] if p.reached % 2 else []
     inverse = pow(p.reached, -1, size) if low else 0
-    points = [(walk.w.random.below(255) + 1) * size + low_bits * inverse % size for low_bits in (0, *low)]
-    points += [(1 << 20) + walk.w.random.below(15 << 20) for _ in range(12)]
+    points = [(walk.w.random.draw_integer(255) + 1) * size + low_bits * inverse % size for low_bits in (0, *low)]
+    points += [(1 << 20) + walk.w.random.draw_integer(15 << 20) for _ in range(12)]
     small = {"magnitude": SETPOINT >> 1}
     for setpoint in points:
-        whole, rest = divmod(setpoint * p.reached, size)
-        for magnitude in (whole - (rest == 0), whole + (rest > 0)):
+        quotient, remainder = divmod(setpoint * p.reached, size)
+        for magnitude in (quotient - (remainder == 0), quotient + (remainder > 0)):
             if walk.state.state == sequencer.ACQUIRE or walk.again(sequencer.ACQUIRE, **small):
                 walk.run(1, setpoint=setpoint, magnitude=magnitude)
 
 
-def _found(p, correction, flipped=0, limit=0):
+def _accepts_correction(p, correction, flipped=0, limit=0):
     """Whether a search finds, with bits of the correction and of the limit flipped."""
     return abs(correction ^ flipped) <= p.search_limit ^ limit
 
 
 def _searches(walk):
     """Rotations for which one bit of the correction, of its size or of the limit decides whether a search finds."""
-    p, wanted = walk.p, {}
+    p, kinds_by_rotation = walk.p, {}
     if p.search < 3:
         return  # three steps of a phase get as far as the limit
     edge = (p.search_limit << CUT) // p.gain
-    near = {edge + k for k in range(-64, 65)} | {edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)}
-    for total in sorted(near | {-k for k in near}):
+    limit_rotations = {edge + k for k in range(-64, 65)} | {edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)}
+    for total in sorted(limit_rotations | {-k for k in limit_rotations}):
         correction = (total * p.gain + (1 << (CUT - 1))) >> CUT
-        sound = _found(p, correction)
+        sound = _accepts_correction(p, correction)
         for k in range(p.search_limit.bit_length() + 1):
             bit, size = 1 << k, abs(correction)
             value = correction & bit > 0
-            if _found(p, correction, flipped=bit) != sound:
-                wanted.setdefault(total, set()).add(("correction", total < 0, k, value))
-            if _found(p, size, flipped=bit) != sound:
-                wanted.setdefault(total, set()).add(("size", k, size & bit > 0))
-            if _found(p, correction, limit=bit) != sound:
-                wanted.setdefault(total, set()).add(("limit", k))
-    for total in _covering(wanted):
+            if _accepts_correction(p, correction, flipped=bit) != sound:
+                kinds_by_rotation.setdefault(total, set()).add(("correction", total < 0, k, value))
+            if _accepts_correction(p, size, flipped=bit) != sound:
+                kinds_by_rotation.setdefault(total, set()).add(("size", k, size & bit > 0))
+            if _accepts_correction(p, correction, limit=bit) != sound:
+                kinds_by_rotation.setdefault(total, set()).add(("limit", k))
+    for total in _covering(kinds_by_rotation):
         if walk.until(sequencer.SEARCH) or walk.again(sequencer.SEARCH):
             for k in range(1, p.search + 1):
-                walk.run(1, phase=_wrapped(total * k // p.search))
+                walk.run(1, phase=_wrap_phase(total * k // p.search))
 
 
 def _long(walk):
@@ -287,17 +287,17 @@ def _long(walk):
     walk.run(1, control=0, stale=1)
     for stale in (0, 1):
         walk.run(fault_monitor.QUICK_TOP, control=0, stale=stale)
-        walk.w.row({"i_stale": 1 - stale}, times=2)
+        walk.w.append_row({"i_stale": 1 - stale}, times=2)
         walk.run(LONG_ROWS - fault_monitor.QUICK_TOP, control=0, stale=stale)
     walk.run(3, control=0)
 
 
-def _at_each_state(walk):
+def _disturb_each_state(walk):
     """Lost lock, unusable frames, saturations and the user's bits in ACQUIRE, SETTLE, BALANCE and LOCKED."""
-    apart = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
+    unlocked_sense = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
     small = {"magnitude": SETPOINT >> 1}  # keeps ACQUIRE from ending
-    states = {sequencer.ACQUIRE: small, sequencer.SETTLE: apart, sequencer.BALANCE: apart, sequencer.LOCKED: {}}
-    for state, held in states.items():
+    states = {sequencer.ACQUIRE: small, sequencer.SETTLE: unlocked_sense, sequencer.BALANCE: unlocked_sense, sequencer.LOCKED: {}}
+    for state, blocking_inputs in states.items():
         for more in (
             {"stale": 1},
             {"adc_ok": 0},
@@ -308,22 +308,22 @@ def _at_each_state(walk):
             {"control": sequencer.RUN | HELD & ~sequencer.HOLD_FTR},
             {"rate_saturated": 1},
         ):
-            if walk.again(state, **held):
-                walk.run(2, **{**held, **more})
-        if walk.again(state, **held):
+            if walk.again(state, **blocking_inputs):
+                walk.run(2, **{**blocking_inputs, **more})
+        if walk.again(state, **blocking_inputs):
             walk.run(8, phase=1 << 22)
 
 
-def _judged(walk):
+def _lock_exclusion_bits(walk):
     """Each bit that takes a loop out of judgement, alone, while the counts of all four loops would move."""
     if walk.p.timeout < 3:
         return  # no frame of SETTLE is left to judge: nothing locks
-    apart = {name: LOST[name] for name in ("sense_sin", "sense_cos")}
-    for state, rest, moves in ((sequencer.BALANCE, apart, {}), (sequencer.LOCKED, {}, LOST)):
+    unlocked_sense = {name: LOST[name] for name in ("sense_sin", "sense_cos")}
+    for state, blocking_inputs, moves in ((sequencer.BALANCE, unlocked_sense, {}), (sequencer.LOCKED, {}, LOST)):
         for bit in NOT_JUDGED:
-            if walk.state.state == state or walk.again(state, **rest):
+            if walk.state.state == state or walk.again(state, **blocking_inputs):
                 walk.run(1, control=sequencer.RUN | bit, **moves)
-                walk.run(1, **rest)
+                walk.run(1, **blocking_inputs)
 
 
 def _resets(walk):
@@ -370,14 +370,14 @@ def script_sequencer(w):
     before = (
         _walks,
         _attempts,
-        _reached,
+        _magnitude_thresholds,
         _rotations,
-        _limits,
+        _error_limits,
         _bits_of_limits,
         _amplitudes,
         _searches,
         _magnitudes,
-        _near,
+        _setpoint_products,
     )
-    for part in (*before, _long, _at_each_state, _judged, _resets, _resets_of_counts):
+    for part in (*before, _long, _disturb_each_state, _lock_exclusion_bits, _resets, _resets_of_counts):
         part(walk)

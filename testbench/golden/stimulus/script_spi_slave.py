@@ -14,33 +14,33 @@ READ = 1
 
 def crc(bits):
     """CRC of a list of bits, as it is sent."""
-    divided, left = python_of(spi_slave.divided), spi_slave.CRC_MASK
+    divide_bit, remainder = python_of(spi_slave.divided), spi_slave.CRC_MASK
     for bit in bits:
-        left = divided(left, bit)
-    return left ^ spi_slave.CRC_MASK
+        remainder = divide_bit(remainder, bit)
+    return remainder ^ spi_slave.CRC_MASK
 
 
-def bits_of(value, count):
+def msb_first_bits(value, count):
     """The bits of a number, MSB first."""
     return [(value >> k) & 1 for k in reversed(range(count))]
 
 
-def frame(read, address, words, asked=None, spoil=0, zeros=0):
-    """Bits of SDI. A read sends random words; `asked` is the count in the command, `zeros` its bit 11 and those below a
+def frame(read, address, words, word_count=None, spoil=0, zeros=0):
+    """Bits of SDI. A read sends random words; `word_count` is the count in the command, `zeros` its bit 11 and those below a
     word; the CRC is inverted in the bits `spoil`."""
-    asked = len(words) if asked is None else asked
-    head = bits_of(read << spi_slave.READ_AT | asked << spi_slave.WORDS_AT | address | zeros, spi_slave.COMMAND_BITS)
-    data = [bit for word in words for bit in bits_of(word, spi_slave.WORD_BITS)]
-    check = bits_of(crc(head if read else head + data) ^ spoil, spi_slave.CRC_BITS)
+    word_count = len(words) if word_count is None else word_count
+    head = msb_first_bits(read << spi_slave.READ_AT | word_count << spi_slave.WORDS_AT | address | zeros, spi_slave.COMMAND_BITS)
+    data = [bit for word in words for bit in msb_first_bits(word, spi_slave.WORD_BITS)]
+    check = msb_first_bits(crc(head if read else head + data) ^ spoil, spi_slave.CRC_BITS)
     return head + check + data + [0] * spi_slave.CRC_BITS if read else head + data + check
 
 
 def ending(words, check):
     """Words of a write to address 10h with another last one, so that the CRC is `check`."""
     for last in itertools.count():
-        found = [*words[:-1], last]
-        if frame(0, 0x10, found)[-spi_slave.CRC_BITS :] == bits_of(check, spi_slave.CRC_BITS):
-            return found
+        candidate_words = [*words[:-1], last]
+        if frame(0, 0x10, candidate_words)[-spi_slave.CRC_BITS :] == msb_first_bits(check, spi_slave.CRC_BITS):
+            return candidate_words
 
 
 class Host:
@@ -51,7 +51,7 @@ class Host:
 
     def rows(self, values, times=1, **more):
         for _ in range(times):
-            self.w.row({**self.w.some(), "cs_n": 0, "clear": 0, **values, **more})
+            self.w.append_row({**self.w.some(), "cs_n": 0, "clear": 0, **values, **more})
 
     def bits(self, bits, low=1, high=1, **more):
         for bit in bits:
@@ -75,8 +75,8 @@ class Host:
 def script_spi_slave(w):
     host = Host(w)
     good(host, w)
-    wrong(host, w)
-    interrupted(host, w)
+    send_wrong_frames(host, w)
+    reset_during_frames(host, w)
 
 
 def good(host, w):
@@ -113,39 +113,39 @@ def good(host, w):
         host.rows(IDLE, sck=sck)
 
 
-def wrong(host, w):
+def send_wrong_frames(host, w):
     """Each bit of the CRC, each wrong command and length; flags that are cleared, also in the clock of a new one."""
     for k in range(spi_slave.CRC_BITS):
         host.send(frame(k % 2, host.address(), host.words(1), spoil=1 << k))
     host.rows(IDLE, clear=0b101)
-    for asked in (0, spi_slave.MOST_WRITTEN + 1, 4, spi_slave.COUNT_MASK):
-        host.send(frame(0, host.address(), host.words(max(asked, 1)), asked))
-        host.rows(IDLE, clear=0b100 if asked < 4 else 0b111)
+    for word_count in (0, spi_slave.MOST_WRITTEN + 1, 4, spi_slave.COUNT_MASK):
+        host.send(frame(0, host.address(), host.words(max(word_count, 1)), word_count))
+        host.rows(IDLE, clear=0b100 if word_count < 4 else 0b111)
     host.send(frame(READ, host.address(), host.words(1), 0))
     for zeros in (1 << spi_slave.ADDRESS.width, 1, 2):
         for read in (0, READ):
             host.rows(IDLE, clear=spi_slave.ERRORS.hi)
             host.send(frame(read, host.address(), host.words(1), zeros=zeros))
     for command in (0, 0x7FFF, 0x8000, 0xFFFF):
-        host.send(bits_of(command, spi_slave.COMMAND_BITS))
+        host.send(msb_first_bits(command, spi_slave.COMMAND_BITS))
     # wrong in two ways
     host.send(frame(0, host.address(), host.words(1), zeros=1, spoil=0x10))
     host.send(frame(READ, host.address(), host.words(1), zeros=2, spoil=0x01))
     host.rows(IDLE, clear=spi_slave.ERRORS.hi)
     few, some = (16, 25), (1, 2, 4, 8, 15, 16, 17, 23, 24, 25, 48, 49, 80)
-    for read, words, cuts, beyond in (
+    for read, words, cuts, extra_bits in (
         (0, 1, few, (1, 32, 33)),
         (0, 2, some, (1,)),
         (READ, 1, some, (2,)),
         (READ, 2, few, ()),
     ):
-        whole = frame(read, host.address(), host.words(words))
-        for cut in (*cuts, len(whole) - 1):
-            host.send(whole[:cut], idle=4)
+        full_frame = frame(read, host.address(), host.words(words))
+        for cut in (*cuts, len(full_frame) - 1):
+            host.send(full_frame[:cut], idle=4)
             if cut in few or cut < 15:
                 host.rows(IDLE, clear=0b010)
-        for more in beyond:
-            host.send(whole + [0] * more)
+        for more in extra_bits:
+            host.send(full_frame + [0] * more)
         host.rows(IDLE, clear=0b010)
     # CS_N and SCK rise together, where the next bit would fetch a word
     for cut in (23, 24 + 31):
@@ -158,15 +158,15 @@ def wrong(host, w):
     host.send([], lead=4)
     host.send(frame(0, host.address(), host.words(1)))
     # clear at each clock around a new flag; the last clears come before it, so a flag is up at the next reset
-    for late in reversed(range(6)):
+    for delay_rows in reversed(range(6)):
         host.rows({})
         host.bits([1])
-        host.rows(IDLE, late)
+        host.rows(IDLE, delay_rows)
         host.rows(IDLE, clear=spi_slave.ERRORS.hi)
         host.rows(IDLE, 4)
 
 
-def interrupted(host, w):
+def reset_during_frames(host, w):
     """A reset in every bit of a write, in a read, also a wrong one, behind a frame that is too long or whole."""
     write, read = frame(0, 0x2A8, host.words(1)), frame(READ, 0x554, host.words(1))
     ends = [(write, cut) for cut in range(len(write) + 1)]
@@ -176,10 +176,10 @@ def interrupted(host, w):
     for bits, cut in ends:
         host.bits(bits[:cut])
         host.rows({}, 3)
-        w.row({**w.some(), **w.flips()}, rst=1)
+        w.append_row({**w.some(), **w.flips()}, rst=1)
         host.rows(IDLE, 4)
     for words, clocks in ((read, (1, 2, 3, 4)), (frame(0, 8, host.words(2)), (1, 2, 3, 4, 5))):
-        for late in clocks:
-            host.send(words, idle=late)
-            w.row({**w.some(), **w.flips()}, rst=1)
+        for delay_rows in clocks:
+            host.send(words, idle=delay_rows)
+            w.append_row({**w.some(), **w.flips()}, rst=1)
             host.rows(IDLE, 3)

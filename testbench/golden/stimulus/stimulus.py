@@ -17,26 +17,26 @@ from testbench.golden.stimulus import corners as found_corners
 from testbench.golden.stimulus import edges, families, scripts
 from testbench.golden.stimulus.writer import SEED, Random, Writer, corners
 
-__all__ = ["SEED", "Random", "corners", "directed", "make"]
+__all__ = ["SEED", "Random", "corners", "make_directed", "make"]
 
 
-def directed(block, case, seed=SEED):
+def make_directed(block, case, seed=SEED):
     """As `make`, without the family of found corners."""
-    return _rows(_directed(block, case, seed))
+    return _finish_rows(_write_directed(block, case, seed))
 
 
 def make(block, case, seed=SEED):
     """(rows, families): int64 rows in the columns of the block, and (name, first row, rows) of each family."""
-    w = _directed(block, case, seed)
+    w = _write_directed(block, case, seed)
     found_corners.replay(w)
-    return _rows(w)
+    return _finish_rows(w)
 
 
-def _rows(w):
+def _finish_rows(w):
     return np.array(w.rows, np.int64), [tuple(found) for found in w.families]
 
 
-def _directed(block, case, seed):
+def _write_directed(block, case, seed):
     w = Writer(block, case, seed)
     w.family("idle")
     families.idle(w)

@@ -26,23 +26,23 @@ class Random:
         z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & MASK64
         return z ^ (z >> 31)
 
-    def below(self, n):
+    def draw_integer(self, n):
         """0 .. n - 1; the bias of the product is below n / 2**64."""
         return self.next() * n >> 64
 
     def raw(self, fmt):
-        return fmt.lo + self.below(fmt.hi - fmt.lo + 1)
+        return fmt.lo + self.draw_integer(fmt.hi - fmt.lo + 1)
 
     def pick(self, items):
-        return items[self.below(len(items))]
+        return items[self.draw_integer(len(items))]
 
 
 def corners(fmt):
     """Raw values at the ends of a format, around zero and around its middle bits; ascending, without repetition."""
     half = 1 << max(fmt.width - 1 - fmt.s, 0)
-    near = {fmt.lo, fmt.lo + 1, -1, 0, 1, fmt.hi - 1, fmt.hi, half - 1, half, half + 1, -half, half >> 1}
-    near |= {ALTERNATE & fmt.hi, (ALTERNATE << 1) & fmt.hi}
-    return sorted(v for v in near if fmt.holds(v))
+    candidates = {fmt.lo, fmt.lo + 1, -1, 0, 1, fmt.hi - 1, fmt.hi, half - 1, half, half + 1, -half, half >> 1}
+    candidates |= {ALTERNATE & fmt.hi, (ALTERNATE << 1) & fmt.hi}
+    return sorted(v for v in candidates if fmt.holds(v))
 
 
 def around(limit, fmt):
@@ -50,15 +50,15 @@ def around(limit, fmt):
 
     Below it the bits of the limit, +-1; then all zeros, all ones and both alternations, for faults of two bits.
     """
-    near = set()
+    neighbours = set()
     for k in range(fmt.width):
         flipped = limit ^ (1 << k)
-        near |= {flipped - 1, flipped, flipped + 1}
-        near |= {(flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)}
-    return sorted(v for v in near if fmt.holds(v))
+        neighbours |= {flipped - 1, flipped, flipped + 1}
+        neighbours |= {(flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)}
+    return sorted(v for v in neighbours if fmt.holds(v))
 
 
-def wrapped(value, fmt):
+def wrap_to_format(value, fmt):
     """The value that is `value` modulo the width of a format."""
     return (value - fmt.lo) % (1 << fmt.width) + fmt.lo
 
@@ -77,7 +77,7 @@ class Writer:
     def family(self, name):
         self.families.append([name, len(self.rows), 0])
 
-    def row(self, values=None, rst=0, times=1):
+    def append_row(self, values=None, rst=0, times=1):
         """`times` rows: idle values but for those given."""
         full = {**dict.fromkeys(self.names, 0), **self.block.idle, **(values or {}), blocks.RESET_INPUT: rst}
         if len(full) != len(self.names):
@@ -90,9 +90,9 @@ class Writer:
         if self.block.stem == "spi_adc":
             frame(self, self.random)
             return
-        self.row({**dict.fromkeys(self.block.strobes, strobes), **values})
+        self.append_row({**dict.fromkeys(self.block.strobes, strobes), **values})
         if self.block.wait:
-            self.row({**values, **dict.fromkeys(self.block.strobes, 0)}, times=self.block.wait)
+            self.append_row({**values, **dict.fromkeys(self.block.strobes, 0)}, times=self.block.wait)
 
     def some(self):
         """Random values for every input wider than one bit."""
@@ -100,18 +100,18 @@ class Writer:
 
     def flips(self, low=1, of=2):
         """Random values for every 1-bit input, 1 in `low` of `of`."""
-        return {port.name: int(self.random.below(of) < low) for port in self.flags}
+        return {port.name: int(self.random.draw_integer(of) < low) for port in self.flags}
 
 
 def frame(w, random, status=None, cut=None, rows=None):
     """A conversion for `spi_adc`: DRDY_N falls, bits follow the serial clock; all or `cut` bits, then DOUT rests."""
     d = w.block.record
-    head = (spi_adc.HEAD << 20) | random.below(1 << 20) if status is None else status
+    head = (spi_adc.HEAD << 20) | random.draw_integer(1 << 20) if status is None else status
     words = [head] + [random.next() & 0xFFFFFF for _ in range(d.adc_channels)]
     if rows is not None:
         words[1:] = rows
     line = [(word >> (23 - k)) & 1 for word in words for k in range(d.adc_word_bits)][:cut]
-    w.row({"drdy_n": 0, "dout": line[0]}, times=4)
+    w.append_row({"drdy_n": 0, "dout": line[0]}, times=4)
     for bit in line:
-        w.row({"drdy_n": 1, "dout": bit}, times=d.adc_divider)
-    w.row({"drdy_n": 1}, times=d.adc_tail_clocks + 4)
+        w.append_row({"drdy_n": 1, "dout": bit}, times=d.adc_divider)
+    w.append_row({"drdy_n": 1}, times=d.adc_tail_clocks + 4)

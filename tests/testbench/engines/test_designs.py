@@ -271,7 +271,7 @@ def proven(cfg, roles=ROLES):
     roles  instances that are proven; registers of the others may hold anything
     """
     firmware = build.firmware(cfg)
-    known, found = blocks.of_firmware(firmware), {}
+    known, found = blocks.firmware_blocks(firmware), {}
     for role in roles:
         module, _ = wiring.instances()[role]
         block = known[module.__name__.rpartition(".")[2]]

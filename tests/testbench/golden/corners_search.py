@@ -107,17 +107,17 @@ class Judge:
     def __init__(self, block, case, goal):
         self.block, self.case, self.goal = block, case, goal
         self.examples = 0
-        self.probed = None if goal[0] == "toggle" else probes.probed(block, case, watched=goal)
+        self.probed = None if goal[0] == "toggle" else probes.build_probed_step(block, case, watched=goal)
 
     def __call__(self, rows):
         self.examples += 1
         every = expanded(self.block, self.case, rows)
         if self.probed is None:
             results = results_of(self.block, self.case, every)
-            return self.goal in coverage.toggles_seen(coverage.goal_name(self.block), results)
+            return self.goal in coverage.reached_toggle_goals(coverage.goal_name(self.block), results)
         self.probed.clear()
         probes.follow(self.block, self.case, self.probed, every.tolist())
-        if self.goal in self.probed.seen():
+        if self.goal in self.probed.reached_goals():
             return True
         if self.probed.nearest is not None:
             target(-math.log2(1 + self.probed.nearest))
@@ -128,7 +128,7 @@ def expanded(block, case, rows):
     """int64 rows of one entry, a reset first."""
     w = Writer(block, case)
     w.family(corners.FAMILY)
-    corners.play(w, rows)
+    corners.append_corner(w, rows)
     return np.array(w.rows, np.int64)
 
 
@@ -158,20 +158,20 @@ def missing(block):
     """{goal: cases in which it is not proved unreachable} for the goals that no directed family meets."""
     met, wanted = set(), {}
     for case in block.cases:
-        rows, _ = stimulus.directed(block, case)
-        met |= coverage.coverage_of(block, case, rows)
+        rows, _ = stimulus.make_directed(block, case)
+        met |= coverage.find_reached_goals(block, case, rows)
         dead = unreachable.reasons(block, case)
         for goal in coverage.goals(block, case):
             if goal not in dead:
                 wanted.setdefault(goal, []).append(case)
-    return {goal: cases for goal, cases in wanted.items() if goal not in met and not unreachable.left_out(block, goal)}
+    return {goal: cases for goal, cases in wanted.items() if goal not in met and not unreachable.waiver_reason(block, goal)}
 
 
 def explore(block, examples=EXAMPLES, say=print):
     """What `store` takes: found rows by case, and the goals that were not found."""
     found, not_found, met = {}, {}, set()
     for goal, cases in missing(block).items():
-        name, tried = corners.spelled(goal), 0
+        name, tried = corners.goal_text(goal), 0
         # the last case has the shorter times or the faster poles
         for case in reversed(cases):
             if goal in met:
@@ -179,13 +179,13 @@ def explore(block, examples=EXAMPLES, say=print):
             rows, count = search(block, case, goal, examples)
             tried += count
             if rows is not None:
-                met |= coverage.coverage_of(block, case, expanded(block, case, rows))
+                met |= coverage.find_reached_goals(block, case, expanded(block, case, rows))
                 found.setdefault(case, []).append({"goal": name, "rows": rows})
                 say(f"{block.stem}/{case}: found in {tried}: {name}", flush=True)
         if goal not in met:
             not_found[goal] = f"not found in {tried} examples"
             say(f"{block.stem}: not found in {tried}: {name}", flush=True)
-    return found, {corners.spelled(goal): why for goal, why in not_found.items() if goal not in met}
+    return found, {corners.goal_text(goal): why for goal, why in not_found.items() if goal not in met}
 
 
 def tidy(block, rows):
@@ -197,11 +197,11 @@ def tidy(block, rows):
 def store(stem, found, missing):
     """Write what a search has found; a block with nothing to say has no file."""
     if not found and not missing:
-        corners.path_of(stem).unlink(missing_ok=True)
+        corners.corner_path(stem).unlink(missing_ok=True)
         return
     data = {"schema": corners.SCHEMA, "block": stem, "found": found, "missing": missing}
-    write_text(corners.path_of(stem), json.dumps(data, indent=1) + "\n")
-    corners.stored.cache_clear()
+    write_text(corners.corner_path(stem), json.dumps(data, indent=1) + "\n")
+    corners.load_corners.cache_clear()
 
 
 def main():

@@ -35,14 +35,14 @@ def score(count, seed, folder, say=print):
     config, firmware = scenario()
     faults = loop_faults.drawn(count, seed)
     rtl = loop_faults.write(folder / "rtl", firmware, faults)
-    face = library.of_pins(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
+    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
     listed = library.user_sources(rtl, face.top, rtl / "all.f")
     path = library.build(rtl, firmware, folder / "built", 1, face, listed)
     kinds, unseen, rows = {}, [], 0
     for number, fault in enumerate([None, *faults]):
         loop_faults.select(rtl, number)
         with library.Design(path, face, rtl) as design:
-            outcome = run.closed(config, design, firmware)
+            outcome = run.run_lockstep(config, design, firmware)
         if fault is None:
             assert outcome.difference is None, outcome.text()
             rows = outcome.rows

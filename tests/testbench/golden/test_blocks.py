@@ -59,7 +59,7 @@ def test_the_pi_has_the_gains_of_the_loops_made_of_it():
 
 def parameter_names(stem):
     block = blocks.BLOCKS[stem]
-    return {name for name, _, _ in blocks.params_of(block, next(iter(block.cases)))}
+    return {name for name, _, _ in blocks.case_parameters(block, next(iter(block.cases)))}
 
 
 @pytest.mark.parametrize("stem", blocks.BLOCKS)
@@ -115,7 +115,7 @@ def test_runner_equals_the_step_function(stem, case):
     block = blocks.BLOCKS[stem]
     rows, _ = made(stem, case)
     random = stimulus.Random(7)
-    begin = random.below(len(rows) - 100)
+    begin = random.draw_integer(len(rows) - 100)
     rows = np.vstack([rows[:60], rows[begin : begin + 60], rows[-60:]])
     regs, _ = blocks.run(block, case, rows)
     state = block.state
@@ -126,7 +126,7 @@ def test_runner_equals_the_step_function(stem, case):
 
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_parameters_hold_their_formats(stem, case):
-    for name, raw, fmt in blocks.params_of(blocks.BLOCKS[stem], case):
+    for name, raw, fmt in blocks.case_parameters(blocks.BLOCKS[stem], case):
         assert fmt.holds(raw), name
 
 

@@ -19,7 +19,7 @@ FITS_EXACTLY = ("compare", "isqrt: pair >= trial", "0")
 def test_a_boundary_is_found_shrunk_and_found_again():
     rows, tried = search.search(ISQRT, "default", FITS_EXACTLY, examples=500)
     assert 1 <= tried <= 1000
-    assert FITS_EXACTLY in coverage.coverage_of(ISQRT, "default", search.expanded(ISQRT, "default", rows))
+    assert FITS_EXACTLY in coverage.find_reached_goals(ISQRT, "default", search.expanded(ISQRT, "default", rows))
     starts = [values for _, values, _ in rows if values.get("start")]
     assert len(starts) == 1, "one operation is enough"
     assert search.search(ISQRT, "default", FITS_EXACTLY, examples=500) == (rows, tried)
@@ -29,7 +29,7 @@ def test_a_toggle_is_found():
     goal = ("toggle", "y", "rise 15")
     rows, _ = search.search(ISQRT, "default", goal, examples=500)
     expanded = search.expanded(ISQRT, "default", rows)
-    assert goal in coverage.toggles_seen(ISQRT.registers, search.results_of(ISQRT, "default", expanded))
+    assert goal in coverage.reached_toggle_goals(ISQRT.registers, search.results_of(ISQRT, "default", expanded))
 
 
 def test_what_cannot_be_is_not_found_and_the_tries_are_counted():
@@ -53,7 +53,7 @@ print(next(rows for rows in tries if rows is not None))
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     rows = ast.literal_eval(done.stdout)
-    assert goal in coverage.coverage_of(block, "frequency", search.expanded(block, "frequency", rows))
+    assert goal in coverage.find_reached_goals(block, "frequency", search.expanded(block, "frequency", rows))
 
 
 def test_nothing_is_missing_where_the_directed_families_have_it_all():

@@ -252,7 +252,7 @@ DESIGNS = {
 @pytest.mark.parametrize("stem", KEYED)
 @pytest.mark.parametrize("name", DESIGNS)
 def test_ports_of_the_rtl_have_the_widths_of_the_design(stem, name):
-    block = blocks.of_record(DESIGNS[name])[stem]
+    block = blocks.design_blocks(DESIGNS[name])[stem]
     for language in ("v", "vhd") if stem in VHDL else ("v",):
         text = (RTL / f"{stem}.{language}").read_text().partition("architecture")[0]
         inputs = [("clk", 1), *((p.name, p.width) for p in block.columns)]
@@ -271,8 +271,8 @@ def sources(stem):
 
 def settings(block, case):
     """Options of Verilator that set keys and parameters."""
-    given = [f"-G{name}={value}" for name, value in block.keys.items()]
-    listed = blocks.params_of(block, case)
+    given = [f"-G{name}={value}" for name, value in block.design_keys.items()]
+    listed = blocks.case_parameters(block, case)
     return given + [f"-G{name}={fmt.width}'h{raw & (1 << fmt.width) - 1:x}" for name, raw, fmt in listed]
 
 
@@ -280,7 +280,7 @@ def settings(block, case):
 @pytest.mark.parametrize("stem", KEYED)
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "most")) for n in DESIGNS])
 def test_verilator_has_no_warning_at_another_design(stem, name, tmp_path):
-    block = blocks.of_record(DESIGNS[name])[stem]
+    block = blocks.design_blocks(DESIGNS[name])[stem]
     options = settings(block, next(iter(block.cases)))
     ran(["verilator", "--lint-only", "-Wall", "--top-module", f"gyro_{stem}", *options, *sources(stem)], tmp_path, True)
 
@@ -288,13 +288,13 @@ def test_verilator_has_no_warning_at_another_design(stem, name, tmp_path):
 @yosys
 @pytest.mark.parametrize("stem", KEYED)
 def test_yosys_synthesises_another_design_without_latches(stem, tmp_path):
-    block = blocks.of_record(DESIGNS["low_cost"])[stem]
+    block = blocks.design_blocks(DESIGNS["low_cost"])[stem]
     for path in sources(stem):
         (tmp_path / path.name).write_text(path.read_text().replace('ROM_FILE = ""', 'ROM_FILE = "rom.hex"'))
     (tmp_path / "rom.hex").write_text("".join(f"{word:x}\n" for rom in block.roms for word in rom.words))
-    given = [(name, 32, value) for name, value in block.keys.items()]
+    given = [(name, 32, value) for name, value in block.design_keys.items()]
     given += [(name, fmt.width, raw & (1 << fmt.width) - 1) for name, raw, fmt in
-              blocks.params_of(block, next(iter(block.cases)))]  # fmt: skip
+              blocks.case_parameters(block, next(iter(block.cases)))]  # fmt: skip
     values = "".join(f" -chparam {name} {width}'h{raw:x}" for name, width, raw in given)
     *parts, top = (path.name for path in sources(stem))
     steps = (

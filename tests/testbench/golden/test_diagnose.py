@@ -139,7 +139,7 @@ def test_causes_that_give_the_same_rows_share_them():
     stim, _ = made("watchdog", "default")
     block = blocks.BLOCKS["watchdog"]
     inputs = dict(zip([p.name for p in block.columns], stim.T.copy()))
-    params = {name: raw for name, raw, _ in blocks.params_of(block, "default")}
+    params = {name: raw for name, raw, _ in blocks.case_parameters(block, "default")}
     registers, _ = blocks.run(block, "default", stim)
     expected = dict(zip([p.name for p in block.registers], registers.T.copy()))
     got = {name: np.zeros_like(column) for name, column in expected.items()}

@@ -29,7 +29,7 @@ def met():
         if (stem, case) not in known:
             block = blocks.BLOCKS[stem]
             rows, _ = made(stem, case)
-            known[stem, case] = coverage.coverage_of(block, case, rows, results(block, case, rows))
+            known[stem, case] = coverage.find_reached_goals(block, case, rows, results(block, case, rows))
         return known[stem, case]
 
     return of
@@ -39,21 +39,21 @@ def met():
 def test_every_goal_is_met_or_proved_out_of_reach_or_named(stem, met):
     block = blocks.BLOCKS[stem]
     found = set().union(*(met(stem, case) for case in block.cases))
-    named = corners.stored(stem)["missing"]
+    named = corners.load_corners(stem)["missing"]
     for case in block.cases:
         dead = unreachable.reasons(block, case)
         for goal in coverage.goals(block, case):
-            if goal in found or goal in dead or unreachable.left_out(block, goal):
+            if goal in found or goal in dead or unreachable.waiver_reason(block, goal):
                 continue
-            assert corners.spelled(goal) in named, f"{case}: {goal} is not met, and nothing says why"
+            assert corners.goal_text(goal) in named, f"{case}: {goal} is not met, and nothing says why"
 
 
 @pytest.mark.parametrize("stem", but_counting(STEMS))
 def test_what_is_named_as_not_met_is_not_met(stem, met):
     block = blocks.BLOCKS[stem]
-    spelled = {corners.spelled(goal) for case in block.cases for goal in met(stem, case)}
-    known = {corners.spelled(goal) for case in block.cases for goal in coverage.goals(block, case)}
-    for name, why in corners.stored(stem)["missing"].items():
+    spelled = {corners.goal_text(goal) for case in block.cases for goal in met(stem, case)}
+    known = {corners.goal_text(goal) for case in block.cases for goal in coverage.goals(block, case)}
+    for name, why in corners.load_corners(stem)["missing"].items():
         assert name in known
         assert name not in spelled
         assert why.startswith("not found in ")
@@ -71,31 +71,31 @@ def test_no_vector_meets_what_is_proved_out_of_reach(stem, case, met):
 @pytest.mark.parametrize(("stem", "case"), CASES)
 def test_other_random_rows_do_not_meet_what_is_proved_out_of_reach(stem, case, seed):
     block = blocks.BLOCKS[stem]
-    rows, families = stimulus.directed(block, case, seed=seed)
+    rows, families = stimulus.make_directed(block, case, seed=seed)
     first = next(first for name, first, _ in families if name.startswith(("random", "held", "controls")))
-    assert not coverage.coverage_of(block, case, rows[first:]) & set(unreachable.reasons(block, case))
+    assert not coverage.find_reached_goals(block, case, rows[first:]) & set(unreachable.reasons(block, case))
 
 
 def test_the_counters_that_are_left_out_are_the_only_ones(met):
-    for stem in unreachable.LEFT_OUT:
+    for stem in unreachable.WAIVED_REGISTERS:
         block = blocks.BLOCKS[stem]
-        listed = {g for case in block.cases for g in coverage.goals(block, case) if unreachable.left_out(block, g)}
+        listed = {g for case in block.cases for g in coverage.goals(block, case) if unreachable.waiver_reason(block, g)}
         assert all(goal[0] in ("toggle", "clamp") for goal in listed)
         clamped = {goal[1:] for goal in listed if goal[0] == "clamp"}
         assert all("s.timer + 1" in place and outcome[:2] == "hi" for place, outcome in clamped)
         assert bool(clamped) == (stem == "sequencer")
-    assert set(unreachable.LEFT_OUT) == {"fault_monitor", "sequencer"}
+    assert set(unreachable.WAIVED_REGISTERS) == {"fault_monitor", "sequencer"}
 
 
-@pytest.mark.parametrize(("stem", "case"), [(stem, case) for stem in STEMS for case in corners.stored(stem)["found"]])
+@pytest.mark.parametrize(("stem", "case"), [(stem, case) for stem in STEMS for case in corners.load_corners(stem)["found"]])
 def test_found_corners_meet_their_goals(stem, case):
     block = blocks.BLOCKS[stem]
-    directed = coverage.coverage_of(block, case, stimulus.directed(block, case)[0])
-    for entry in corners.stored(stem)["found"][case]:
+    directed = coverage.find_reached_goals(block, case, stimulus.make_directed(block, case)[0])
+    for entry in corners.load_corners(stem)["found"][case]:
         goal = tuple(entry["goal"].split(" | "))
         rows = corners_search.expanded(block, case, entry["rows"])
         assert rows[0, 0] == 1
-        assert goal in coverage.coverage_of(block, case, rows), entry["goal"]
+        assert goal in coverage.find_reached_goals(block, case, rows), entry["goal"]
         assert goal not in directed, f"{entry['goal']}: a directed family has it"
     assert stimulus.make(block, case)[1][-1][0] == corners.FAMILY
 
@@ -160,29 +160,29 @@ def test_commit_of_the_tree_or_unknown(tmp_path):
 
 def test_stored_corners_of_another_block_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(corners, "FOLDER", tmp_path)
-    corners.stored.cache_clear()
+    corners.load_corners.cache_clear()
     try:
-        assert corners.stored("dds") == {"found": {}, "missing": {}}
-        corners.stored.cache_clear()
+        assert corners.load_corners("dds") == {"found": {}, "missing": {}}
+        corners.load_corners.cache_clear()
         (tmp_path / "dds.json").write_text('{"schema": "gyro-corners/1.0", "block": "pi"}')
         with pytest.raises(ValueError, match=r"dds.json: schema 'gyro-corners/1\.0' of 'pi', not .* of 'dds'"):
-            corners.stored("dds")
+            corners.load_corners("dds")
     finally:
-        corners.stored.cache_clear()
+        corners.load_corners.cache_clear()
 
 
 def test_stored_rows_keep_what_they_say(tmp_path, monkeypatch):
     monkeypatch.setattr(corners, "FOLDER", tmp_path)
-    corners.stored.cache_clear()
+    corners.load_corners.cache_clear()
     try:
         rows = [[2, {"word": 3}, []], [3, {"word": 7}, ["word"]]]
         corners_search.store("dds", {"default": [{"goal": "a | b | c", "rows": rows}]}, {})
         found = corners_search.expanded(
-            blocks.BLOCKS["dds"], "default", corners.stored("dds")["found"]["default"][0]["rows"]
+            blocks.BLOCKS["dds"], "default", corners.load_corners("dds")["found"]["default"][0]["rows"]
         )
         assert found[:, :2].tolist() == [[1, 0], [0, 3], [0, 3], [0, 7], [0, 8], [0, 9]]
         assert not np.any(found[:, 2:])
         corners_search.store("dds", {}, {})
         assert not (tmp_path / "dds.json").exists()
     finally:
-        corners.stored.cache_clear()
+        corners.load_corners.cache_clear()

@@ -91,16 +91,16 @@ def test_the_levels_of_a_block_are_those_of_the_wiring():
     """Against the pins that the page of the architecture lists, and against what the text of the model reads."""
     page = (ROOT / "docs" / "architecture.md").read_text()
     assert "SYNC or CS, gated SCLK, SDIN, LDAC of three DACs" in page
-    assert levels.entry(BLOCKS["spi_dac"])["pins"] == ["r_sync_n", "r_sclk_en", "r_ldac_n", "o_sdin"]
-    assert levels.entry(BLOCKS["spi_adc"])["pins"] == ["r_cs_n", "r_sclk"]
-    assert levels.entry(BLOCKS["references"])["pins"] == ["o_pins"]
+    assert levels.levels_entry(BLOCKS["spi_dac"])["pins"] == ["r_sync_n", "r_sclk_en", "r_ldac_n", "o_sdin"]
+    assert levels.levels_entry(BLOCKS["spi_adc"])["pins"] == ["r_cs_n", "r_sclk"]
+    assert levels.levels_entry(BLOCKS["references"])["pins"] == ["o_pins"]
     for stem, block in BLOCKS.items():
-        stated = levels.entry(block)
+        stated = levels.levels_entry(block)
         assert set(stated["pins"]) <= set(stated["outputs"]), stem
         assert stated["outputs"], stem
         assert {f"o_{p.name}" for p in block.pins} <= set(stated["outputs"]), stem
     assert "s.loop.y" in (ROOT / "fpga_model" / "rate_loop.py").read_text()
-    assert levels.entry(BLOCKS["pi"])["outputs"] == ["r_y"]
+    assert levels.levels_entry(BLOCKS["pi"])["outputs"] == ["r_y"]
 
 
 def test_a_parameter_that_nothing_reads_is_not_needed(bundles):
@@ -133,7 +133,7 @@ def test_the_bench_of_a_level_needs_only_its_ports(bundles, tmp_path):
 
 def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
     golden = bundle.read(bundles("dds") / "default")
-    names = [name for name, _ in levels.judged(golden.manifest, "registers")]
+    names = [name for name, _ in levels.compared_ports(golden.manifest, "registers")]
     k, column = 2, names.index("r_drive_sine")
     found = judged.judged(golden, "outputs", "sync", {"r_drive_sine": k})
     exp, mask = judged.late_rows(found)
@@ -157,7 +157,7 @@ def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
 
 def test_a_latency_file_without_a_table_is_one_line(tmp_path):
     (tmp_path / "l.toml").write_text('schema = "gyro-latency/1.0"\nports = 3\n')
-    manifest = {"block": "dds", "registers": [], "outputs": [], "levels": levels.entry(BLOCKS["dds"])}
+    manifest = {"block": "dds", "registers": [], "outputs": [], "levels": levels.levels_entry(BLOCKS["dds"])}
     with pytest.raises(FileError, match=r"l\.toml: ports: 3 is not a table of port = clocks"):
         judged.read_latency(tmp_path / "l.toml", manifest, "outputs")
 
@@ -176,7 +176,7 @@ def test_a_latency_file_without_a_table_is_one_line(tmp_path):
 def test_a_latency_that_no_recorded_row_can_judge_is_refused(tmp_path, block, text, said):
     own = BLOCKS[block]
     manifest = {"block": block, "registers": [bundle.port(p) for p in own.registers],
-                "outputs": [bundle.port(p) for p in own.pins], "levels": levels.entry(own)}  # fmt: skip
+                "outputs": [bundle.port(p) for p in own.pins], "levels": levels.levels_entry(own)}  # fmt: skip
     (tmp_path / "l.toml").write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{text}\n')
     with pytest.raises(FileError, match=said):
         judged.read_latency(tmp_path / "l.toml", manifest, "pins")
@@ -245,7 +245,7 @@ def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
     goals = ["make", "-s", "-C", str(out), "check", f"SIM={sim}", f"RTL={own}", f"FILES={listed or file}",
              f"PYTHON={sys.executable}"]  # fmt: skip
     done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
-    count = len(levels.entry(BLOCKS[stem])[level])
+    count = len(levels.levels_entry(BLOCKS[stem])[level])
     said = f"PASS {stem}/{case}: {len(found.golden.exp)} rows, {count} ports at level {level} [{sim}]\n"
     assert (done.returncode, done.stdout) == (0, said), done.stdout + done.stderr
     (own / file).write_text((own / file).read_text().replace(old, new))

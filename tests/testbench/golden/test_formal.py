@@ -332,7 +332,7 @@ def test_without_a_fault_the_search_from_reset_finds_nothing():
 def test_limits_are_those_of_the_proof(stem):
     """What the properties take for granted of the parameters: lo <= 0 <= hi."""
     for case in formal.CASES[stem]:
-        raw = {name: value for name, value, _ in blocks.params_of(blocks.BLOCKS[stem], case)}
+        raw = {name: value for name, value, _ in blocks.case_parameters(blocks.BLOCKS[stem], case)}
         assert raw.get("lo", 0) <= 0 <= raw.get("hi", 0)
 
 

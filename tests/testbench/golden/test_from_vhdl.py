@@ -94,7 +94,7 @@ endmodule
 
 def made(folder):
     (folder / "chooser.vhd").write_text(DESIGN)
-    return from_vhdl.of_vhdl(Sources((folder / "chooser.vhd",), ("",)), "chooser", folder, "test")
+    return from_vhdl.synthesise_vhdl(Sources((folder / "chooser.vhd",), ("",)), "chooser", folder, "test")
 
 
 @BOTH
@@ -129,16 +129,16 @@ VHDL = """  with n4_o select n5_o <=
 
 @pytest.mark.parametrize(("others", "value"), [('"1X-"', "3'b1XX"), ("'Z'", "1'bZ"), ("n9_o", "n9_o")])
 def test_a_case_gets_its_default_and_a_constant_its_size(others, value):
-    found = from_vhdl.repaired(VERILOG, VHDL.format(others=others))
+    found = from_vhdl.repair_netlist(VERILOG, VHDL.format(others=others))
     text = VERILOG.replace('"010"', "3'b010")
     assert found == text.replace("    endcase", f"      default: n5_o <= {value};\n    endcase")
-    assert from_vhdl.repaired(found, "") == found, "a GHDL that writes both"
+    assert from_vhdl.repair_netlist(found, "") == found, "a GHDL that writes both"
 
 
 @pytest.mark.parametrize("vhdl", ["", VHDL.format(others="f(n1_o)"), VHDL.format(others="n1_o").replace("n5", "n6")])
 def test_a_case_without_a_known_default_is_refused(vhdl):
     with pytest.raises(ValueError, match="no `when others` of n5_o is known"):
-        from_vhdl.repaired(VERILOG, vhdl)
+        from_vhdl.repair_netlist(VERILOG, vhdl)
 
 
 @BOTH

@@ -72,7 +72,7 @@ for limit in (firmware.watchdog.limit, 5):
         try:
             sim.advance(12, 0.0, 25.0)
             sim.finish()
-            print(json.dumps({"rows": sim.compared}))
+            print(json.dumps({"rows": sim.compared_row_count}))
         except run.Difference as found:
             print(json.dumps({**found.to_dict(), "text": found.text()}))
 """
@@ -116,7 +116,7 @@ def test_no_register_differs_from_power_on_through_lock_rate_and_fault(quick):
     """And what the plant went through is, to the last code, what it goes through with the model in its place."""
     config, firmware, path = quick
     with library.Design(path) as design:
-        outcome = run.closed(config, design, firmware)
+        outcome = run.run_lockstep(config, design, firmware)
     assert outcome.difference is None, outcome.text()
     ticks = round(outcome.seconds * 1e6)
     assert outcome.rows == ticks * TICK_CYCLES + 1
@@ -139,7 +139,7 @@ def test_a_design_with_another_parameter_is_caught_at_its_first_effect(quick):
     first = int(np.flatnonzero(np.any(right != wrong, axis=1))[0])
     assert first > 50 * TICK_CYCLES
     with library.Design(path) as design:
-        found = run.closed(config, design, other).difference
+        found = run.run_lockstep(config, design, other).difference
     values = zip(library.NAMES, right[first].tolist(), wrong[first].tolist(), strict=True)
     assert (found.row, found.wrong) == (first, [value for value in values if value[1] != value[2]])
 
@@ -255,7 +255,7 @@ def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
     with pytest.raises(ConfigError, match=r"firmware\.notch_hz: the Verilog of the whole design has no notch"):
         run.run(changed(Config(), {"firmware.notch_hz": 139.0}), RTL)
     with pytest.raises(ConfigError, match=r"scenario\.origin: the loop around RTL begins at power-on"):
-        run.closed(Config(), None, None)
+        run.run_lockstep(Config(), None, None)
     monkeypatch.setattr(library.shutil, "which", lambda name: None if name == "verilator" else name)
     with pytest.raises(ConfigError, match="verilator: not installed"):
         library.build(RTL, build.firmware(Config()), tmp_path / "other")

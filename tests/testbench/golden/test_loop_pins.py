@@ -30,7 +30,7 @@ VERILATOR = pytest.mark.skipif(
     any(shutil.which(name) is None for name in library.TOOLS), reason="no verilator or compiler: no loop around RTL"
 )
 PARAMS = build.firmware(Config())
-FACE = library.of_pins("mine", PARAMS, chips.parts(chips.of(Config().design)))
+FACE = library.pin_face("mine", PARAMS, chips.parts(chips.of(Config().design)))
 DECLARED = {port: ("IN", width) for port, width in FACE.inputs.values()} | {
     port: ("OUT", fmt.width) for _, port, fmt in FACE.seen
 }
@@ -63,7 +63,7 @@ def shown(lag_clocks, rates, hz=11002.3, ticks=150_000, sense_per_dps=400.0, bia
     at = np.arange(frames) * FRAME_TICKS * TICK_CYCLES * turns * 2 * np.pi
     # the plant's velocities are in metres: over 2 pi 11 kHz
     truth = np.stack([-5e-6 * np.cos(at), 5e-6 * hz / 11_000 * np.sin(at), 0 * at, 0 * at], axis=1)
-    return pin_meter.Shown(drive, sense, (3, 9), edges, codes, truth)
+    return pin_meter.PinCapture(drive, sense, (3, 9), edges, codes, truth)
 
 
 LIMITS = pin_meter.Limits((1311, 93207, 1e4, 1e4), (13107, 1398101, 1e5, 1e5), (60, 60, 60, 60), 1e6)
@@ -73,7 +73,7 @@ RATES = (0.0, 300.0, -300.0)
 def measured(*, limits=LIMITS, **given):
     one = shown(**{"lag_clocks": (50.0, 90.0), "rates": RATES} | given)
     per_frame = np.repeat(RATES, len(one.codes) // len(RATES))
-    stretches, lock = pin_meter.stretches_of(per_frame, DEFAULT, [one], limits)
+    stretches, lock = pin_meter.find_plateaus(per_frame, DEFAULT, [one], limits)
     return pin_meter.measure(one, DEFAULT, stretches, lock, TICK_CYCLES), stretches
 
 
@@ -143,7 +143,7 @@ def test_three_sigma_above_the_limit_is_not_resolved():
     assert line._replace(difference=0.3).verdict == judgement.FAILED
     assert line._replace(sigma=0.03).verdict == judgement.PASSED
     # a deviation of found_95 fails in 95 of 100 runs
-    drawn = np.random.default_rng(1).normal(line.found_95, line.sigma, 20_000)
+    drawn = np.random.default_rng(1).normal(line.detectable_deviation, line.sigma, 20_000)
     assert np.mean(np.abs(drawn) > line.limit) == pytest.approx(0.95, abs=0.01)
 
 
@@ -162,7 +162,7 @@ def test_the_detection_score_on_the_page_and_in_a_verdict():
     for kind, (count, seen) in found["kinds"].items():
         assert f"| {kind} | {count} | {seen} |" in page
     assert f"saw {found['seen']} of {found['faults']} planted faults" in " ".join(page.split())
-    assert f"{min(planted, key=lambda k: found['kinds'][k][1] / planted[k])} " in judgement.not_shown()
+    assert f"{min(planted, key=lambda k: found['kinds'][k][1] / planted[k])} " in judgement.pass_caveat()
 
 
 def test_every_planted_fault_is_another_text(tmp_path):
@@ -220,7 +220,7 @@ endmodule
 
 def test_a_map_is_a_wrapper_with_the_pins_of_the_board(tmp_path):
     (tmp_path / "map.toml").write_text(MAP)
-    face, made, name = library.mapped(FACE, tmp_path / "map.toml", None, tmp_path)
+    face, made, name = library.write_map_wrapper(FACE, tmp_path / "map.toml", None, tmp_path)
     assert name == "my_board"
     text = made.read_text()
     assert face.top in text
@@ -228,7 +228,7 @@ def test_a_map_is_a_wrapper_with_the_pins_of_the_board(tmp_path):
     assert all(re.search(rf"output wire .*\b{port}\b", text) for _, port, _ in FACE.seen)
     (tmp_path / "map.toml").write_text(MAP.replace("refs =", "reffs ="))
     with pytest.raises(FileError, match=r"map\.toml: \[outputs\]: board has no reffs; did you mean"):
-        library.mapped(FACE, tmp_path / "map.toml", None, tmp_path)
+        library.write_map_wrapper(FACE, tmp_path / "map.toml", None, tmp_path)
 
 
 @pytest.mark.slow
@@ -317,9 +317,9 @@ def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
     with library.Design(path, face) as design:
         found = [design.pins, *(design.step(given) for _ in words[1:])]
         row = np.zeros(len(library.NAMES), np.int64)
-        row[len(library.REGISTERS) :] = library.pins_of(np.array(found[-1:]))[0]
+        row[len(library.REGISTERS) :] = library.unpack_pin_rows(np.array(found[-1:]))[0]
         assert np.array_equal(design.read(), row)
-    pins = library.pins_of(np.array(found))
+    pins = library.unpack_pin_rows(np.array(found))
     assert [int(word) for word in bundle.pack(pins, [p.width for p in columns])] == words
 
 
@@ -356,7 +356,7 @@ def test_bad_input_is_one_clear_error(tmp_path):
     assert isinstance(done.exception, ConfigError)
     digital = changed(Config(), {"firmware.board": "digital_sid"})
     with pytest.raises(ConfigError, match="judged by the codes of the ADC"):
-        run.judged(digital, None, build.firmware(digital))
+        run.judge_design(digital, None, build.firmware(digital))
 
 
 def story(frames=(800, 1080, 1360)):
@@ -382,17 +382,17 @@ def in_loop(kind, folder, clocks=None):
 def test_lock_and_amplitude_at_the_pins_are_those_of_registers_and_plant():
     config, firmware = story()
     timeline = scenario.expand(config.scenario)
-    sim = run.Alone(config, *timeline.temp_degc.limits(), None, firmware)
+    sim = run.PinCaptureLoop(config, *timeline.temp_degc.limits(), None, firmware)
     sim.now = (np.zeros(1), np.array([timeline.temp_before_degc]))
     for name, raw in sim.first_writes:
         sim.write(name, raw)
     simulate.play(sim, timeline)
     locked = int(np.argmax(sim.columns()["state"] == sequencer.LOCKED))
-    limits = judgement.limits_of(config, firmware)
+    limits = judgement.lock_limits(config, firmware)
     # the state follows the four bits in a frame of its own
-    assert locked - pin_meter.lock_frame(sim.shown().codes, limits, 800) in (0, 1)
+    assert locked - pin_meter.lock_frame(sim.pin_capture().codes, limits, 800) in (0, 1)
     stretches = [pin_meter.Plateau(120_000, 138_000, 300.0)]
-    found = pin_meter.measure(sim.shown(), DEFAULT, stretches, locked, TICK_CYCLES)
+    found = pin_meter.measure(sim.pin_capture(), DEFAULT, stretches, locked, TICK_CYCLES)
     peak = np.abs(sim.columns()["truth_x"][960:1100]).max()
     assert found.amplitude_m.mean() == pytest.approx(peak, rel=2e-3)
 
@@ -419,7 +419,7 @@ def test_an_exact_design_passes_pin_by_pin(tmp_path):
     assert outcome.passed, outcome.text()
     assert outcome.difference is None
     assert (outcome.registers, outcome.rows) == (0, round(outcome.seconds * DEFAULT.master_hz) + 1)
-    assert outcome.text().splitlines()[1] == judgement.not_shown()
+    assert outcome.text().splitlines()[1] == judgement.pass_caveat()
 
 
 @pytest.mark.slow
@@ -506,8 +506,8 @@ def test_two_clocks_in_the_sense_path(kind, tmp_path):
     # the model itself, with these clocks and without them
     config, firmware = story()
     late = changed(config, {f"firmware.{TWO[kind]}": 2})
-    model, other = (run.shown_alone(c, None, f) for c, f in ((config, firmware), (late, record.quick_firmware(late))))
-    verdict = run.verdict_of(config, firmware, other, model)
+    model, other = (run.capture_pins(c, None, f) for c, f in ((config, firmware), (late, record.quick_firmware(late))))
+    verdict = run.judge_captures(config, firmware, other, model)
     for name, line in lines.items():
         same = next(k for k in verdict.lines if k.what.split(",")[0] == name)
         assert line.difference == same.difference, (line, same)

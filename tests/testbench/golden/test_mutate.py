@@ -111,7 +111,7 @@ def test_a_trace_is_a_test_that_kills(verdicts, tiny, tmp_path):
         manifest, work = bundle.verify(folder), tmp_path / f"work{survivor['mutant']}"
         work.mkdir()
         mutate.prepare(folder, manifest, mutate.sources(manifest, tiny.rtl), work)
-        graph = mutate.faulted([mutate.Mutant(1, survivor["fault"], "")], work, "tiny")
+        graph = mutate.insert_faults([mutate.Mutant(1, survivor["fault"], "")], work, "tiny")
         assert mutate.simulate(folder, manifest, graph, [1])[0][1] >= 0
 
 
@@ -201,7 +201,7 @@ def judged(tiny, work, **more):
     manifest = bundle.verify(tiny.strong)
     mutate.prepare(tiny.strong, manifest, mutate.sources(manifest, tiny.rtl), work)
     mutants = mutate.choose(work, 1000, 1, "tiny")
-    graph = mutate.faulted(mutants, work, "tiny")
+    graph = mutate.insert_faults(mutants, work, "tiny")
     first, held = mutate.simulate(tiny.strong, manifest, graph, [m.number for m in mutants])
     found = judge.Judge(graph, mutate.SELECT, held, "tiny", work, **more)
     return found, [m.number for m in mutants if first[m.number] < 0]

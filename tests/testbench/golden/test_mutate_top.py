@@ -50,7 +50,7 @@ def test_the_first_row_is_that_of_a_plain_evaluation(draws, seed, count):
     design._where = [((k, 0, 0), k + 1) for k in range(LEAVES)]
     for literal in (literals[-1], literals[-1] ^ 1):
         wanted = [n for n, bits in enumerate(rows) if plain(net, literal, bits)]
-        assert design.first(literal, rows) == (wanted[0] if wanted else -1)
+        assert design.find_first_true_row(literal, rows) == (wanted[0] if wanted else -1)
 
 
 @settings(max_examples=40, deadline=None)
@@ -78,7 +78,7 @@ def test_ranges_of_numbers_are_compared_right():
         for lo in range(lowest, lowest + (1 << width)):
             for hi in range(lo, lowest + (1 << width)):
                 net = miter.Net(width)
-                bounds = net.within([2 * (k + 1) for k in range(width)], signed, lo, hi)
+                bounds = net.bound_literals([2 * (k + 1) for k in range(width)], signed, lo, hi)
                 for value in range(lowest, lowest + (1 << width)):
                     bits = [value >> k & 1 for k in range(width)]
                     assert all(plain(net, x, bits) for x in bounds) == (lo <= value <= hi)
@@ -96,7 +96,7 @@ def test_equivalent_in_every_case_or_not_at_all():
 def test_ranges_that_are_tried_are_those_of_the_loops():
     params = recording.load("reset").params
     tried = mutate_top._ranges(params)
-    ports = dict(zip(library.PORTS, library.formats_of(params.design), strict=True))
+    ports = dict(zip(library.PORTS, library.port_formats(params.design), strict=True))
     limit = params.control.agc.loop.hi
     assert tried["r_control_agc_loop_y"] == (True, 0, limit)
     assert tried["r_control_agc_loop_acc"] == (True, 0, limit << 24)

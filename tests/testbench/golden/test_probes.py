@@ -20,7 +20,7 @@ def test_a_probed_step_gives_the_registers_of_the_compiled_one(stem, case):
     rows, _ = made(stem, case)
     rows = rows[:: max(1, len(rows) // 1500)]
     regs, _ = blocks.run(block, case, rows)
-    found = probes.probed(block, case)
+    found = probes.build_probed_step(block, case)
     state = block.state
     for n, row in enumerate(rows.tolist()):
         assert [int(value) for _, value in leaves(state)] == regs[n].tolist(), f"row {n}"
@@ -54,7 +54,7 @@ def test_a_probed_function_gives_the_same_values(p):
     for a in range(-9, 10):
         for b in range(-9, 10):
             assert found.step(p, a, b) == _toy(p, a, b)
-    assert found.seen() <= set(found.goals())
+    assert found.reached_goals() <= set(found.goals())
 
 
 def test_a_branch_on_parameters_is_no_place_and_its_dead_side_neither():
@@ -82,10 +82,10 @@ ROUNDED = {
 
 def outcomes(kind, call, *operands):
     seen = set()
-    note = probes.PLACES[call][2](seen)
+    note = probes.PROBED_FUNCTIONS[call][2](seen)
     note(*operands)
-    assert probes.PLACES[call][0] == kind
-    assert seen <= set(probes.PLACES[call][1])
+    assert probes.PROBED_FUNCTIONS[call][0] == kind
+    assert seen <= set(probes.PROBED_FUNCTIONS[call][1])
     return seen
 
 
@@ -115,11 +115,11 @@ def test_a_wrap_tells_one_lsb_beyond_its_ends():
 def test_the_nearest_miss_of_a_watched_goal_is_kept():
     block = blocks.BLOCKS["isqrt"]
     goal = ("compare", "isqrt: pair >= trial", "0")
-    found = probes.probed(block, "default", watched=goal)
+    found = probes.build_probed_step(block, "default", watched=goal)
     probes.follow(block, "default", found, [[0, 1, 9 << 28], [0, 0, 0]])
     assert found.nearest == 1
     found.clear()
-    assert (found.nearest, found.seen()) == (None, set())
+    assert (found.nearest, found.reached_goals()) == (None, set())
     assert goal in found.goals()
 
 

@@ -32,13 +32,13 @@ FAST_CASES = [pytest.param(*case, marks=pytest.mark.slow if case in LONG else ()
 
 def proven(stem, case=None):
     block = blocks.BLOCKS[stem]
-    return {one.name: one.proven for one in ranges.of_case(stem, case or next(iter(block.cases))).registers}
+    return {one.name: one.proven for one in ranges.analyse_case(stem, case or next(iter(block.cases))).registers}
 
 
 def assert_inside(stem, case, regs, pins):
-    found = ranges.of_case(stem, case)
+    found = ranges.analyse_case(stem, case)
     for one, ends in zip(
-        (*found.registers, *found.pins), range_report.seen_range(np.column_stack([regs, pins])), strict=True
+        (*found.registers, *found.pins), range_report.column_ranges(np.column_stack([regs, pins])), strict=True
     ):
         assert one.proven[0] <= ends[0], (stem, case, one.name, ends)
         assert ends[1] <= one.proven[1], (stem, case, one.name, ends)
@@ -49,7 +49,7 @@ def assert_inside(stem, case, regs, pins):
 
 @pytest.mark.parametrize(("stem", "case"), FAST_CASES)
 def test_every_register_is_proven_and_no_result_needs_more_than_63_bits(stem, case):
-    found = ranges.of_case(stem, case)
+    found = ranges.analyse_case(stem, case)
     assert found.problems == ()
     assert found.sound
     for one in found.registers:
@@ -261,7 +261,7 @@ def test_wrong_hints_make_no_false_claim(stem):
     found = ranges.analyse(block._replace(split=(f"{names[-1]}?",), relations=(relation,), stops=(3, 5)), params)
     stim, _ = made(stem, case)
     regs, _ = blocks.run(block, case, stim)
-    for one, ends in zip(found.registers, range_report.seen_range(regs), strict=True):
+    for one, ends in zip(found.registers, range_report.column_ranges(regs), strict=True):
         assert one.proven is None or one.proven[0] <= ends[0] <= ends[1] <= one.proven[1]
 
 
@@ -288,7 +288,7 @@ def test_one_evaluation_covers_every_number(ends, seed):
     path = Path(Run())
     box = path.new(xl, xh, key="x"), path.new(yl, yh, key="y")
     ways = Interpreter().function(_program, [0, *box], {}, path)
-    spans = [[way.span(item) for item in value] for way, value in ways]
+    spans = [[way.value_interval(item) for item in value] for way, value in ways]
     rng = random.Random(seed)
     for _ in range(20):
         found = _program(0, rng.randint(xl, xh), rng.randint(yl, yh))
@@ -300,17 +300,17 @@ def test_a_mean_stays_in_the_hull():
     x, y = path.new(-1000, 500), path.new(-200, 900)
     mean = path.add(y, path.shr(path.add(path.mul(77, path.add(x, y, -1)), 512), 10))
     exact = [b + ((77 * (a - b) + 512) >> 10) for a in (-1000, 500) for b in (-200, 900)]
-    assert path.span(mean) == (min(exact), max(exact))
+    assert path.value_interval(mean) == (min(exact), max(exact))
 
 
 def test_a_condition_narrows_what_it_speaks_of():
     path = Path(Run())
     x, y = path.new(0, 100), path.new(0, 100)
     assert path.compare("<", x, y)
-    assert (path.span(x), path.span(y)) == ((0, 99), (1, 100))
-    assert path.span(path.add(y, x, -1)) == (1, 100)
+    assert (path.value_interval(x), path.value_interval(y)) == ((0, 99), (1, 100))
+    assert path.value_interval(path.add(y, x, -1)) == (1, 100)
     assert path.compare("!=", x, 0)
-    assert path.span(x) == (1, 99)
+    assert path.value_interval(x) == (1, 99)
     assert not path.copy().compare(">=", x, 100)
 
 
@@ -335,7 +335,7 @@ def test_the_proofs_hold_together_in_the_whole_design():
     for name, one in found.items():
         assert one.analysis.sound, name
         assert [link.port for link in one.links] == [port.name for port in blocks.BLOCKS[one.stem].inputs]
-        assert all(link.fits for link in one.links), name
+        assert all(link.fits_format for link in one.links), name
 
 
 @pytest.mark.slow
@@ -344,8 +344,8 @@ def test_a_wire_that_brings_too_much_is_seen(monkeypatch):
     inputs = tuple(p._replace(fmt=bits(24)) if p.name == "magnitude" else p for p in block.inputs)
     monkeypatch.setitem(blocks.BLOCKS, "agc", block._replace(inputs=inputs))
     links = {link.port: link for link in wiring.instances.__wrapped__()["control.agc"].links}
-    assert (links["magnitude"].fits, links["magnitude"].spare) == (False, -1)
-    assert all(link.fits for port, link in links.items() if port != "magnitude")
+    assert (links["magnitude"].fits_format, links["magnitude"].spare) == (False, -1)
+    assert all(link.fits_format for port, link in links.items() if port != "magnitude")
 
 
 # ---- report ----------------------------------------------------------------------------------------------------------
@@ -373,9 +373,9 @@ def test_the_bundle_holds_the_report(tmp_path):
 def test_a_register_without_proof_is_shown_as_width_only(monkeypatch):
     block = blocks.BLOCKS["rates"]
     hinted = block._replace(stops=())
-    monkeypatch.setattr(ranges, "analyse_once", lambda _, p, __: ranges.analyse(hinted._replace(registers=narrow), p))
+    monkeypatch.setattr(ranges, "analyse_cached", lambda _, p, __: ranges.analyse(hinted._replace(registers=narrow), p))
     narrow = tuple(p._replace(fmt=bits(5)) if p.name == "slot" else p for p in block.registers)
-    data = range_report.of_vectors(block, "default")
+    data = range_report.case_range_entry(block, "default")
     assert not data["proven"]
     assert "not proven:" in range_report.verdict(data)
     assert re.search(r"^    slot .* - +- +0 +60 +width only$", range_report.text("rates/default", data), re.M)
@@ -402,7 +402,7 @@ def test_every_kernel_of_the_blocks_was_read():
     """The widest results come from the blocks themselves: none is skipped by a hook."""
     for stem, case in CASES:
         if stem != "delay" and (stem, case) not in LONG:
-            modules = {result.function.split(".")[0] for result in ranges.of_case(stem, case).results}
+            modules = {result.function.split(".")[0] for result in ranges.analyse_case(stem, case).results}
             assert modules & {stem, "fixed", "pi"}, stem
     step = importlib.import_module("fpga_model.pi").step
     assert source(step).name == "pi.step"

@@ -78,7 +78,7 @@ def test_a_case_is_made_of_the_story_that_is_stored(case):
     kept, again = recording.load(case), record.OF_STORY[case](recording.load("story"))
     text = f"{case} is of another story: python -m testbench.golden.recording.record {case}"
     assert recording.sha256(again) == recording.sha256(kept), text
-    assert record.windows_of(again) == kept.windows, text
+    assert record.find_windows(again) == kept.windows, text
 
 
 @pytest.mark.parametrize("case", record.OF_STORY)

@@ -62,7 +62,7 @@ def test_ports_follow_the_declaration(monkeypatch, tmp_path):
     hints = {"taps": [delay.X._replace(f=19)] * delay.MAX_DEPTH}
     monkeypatch.setattr(delay.State, "__annotations__", hints)
     rtl_wiring.wiring.trace.cache_clear()
-    text = rtl_wiring.Design(rtl_wiring.top, copied(tmp_path) / "top.v").renewed()
+    text = rtl_wiring.Design(rtl_wiring.top, copied(tmp_path) / "top.v").regenerate_text()
     rtl_wiring.wiring.trace.cache_clear()
     assert len(re.findall(r"output wire signed \[19:0\] r_\w+_pipe_taps_\d, +// \[1,0,19\]", text)) == 16
 

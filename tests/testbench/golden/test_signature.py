@@ -58,7 +58,7 @@ def test_polynomial_is_primitive():
 def test_chunks_give_the_remainder_of_the_long_division(width, data):
     word = data.draw(st.integers(0, (1 << width) - 1))
     before = data.draw(st.integers(0, signature.MASK))
-    assert signature.reduced(word, width, before) == remainder(before << width | word)
+    assert signature.fold_word(word, width, before) == remainder(before << width | word)
 
 
 @given(st.lists(st.integers(0, (1 << 70) - 1), max_size=6))
@@ -77,7 +77,7 @@ def run(buffer, at, rows):
     return at
 
 
-ROW_WORDS = signature.padded(sum(WIDTHS)) // signature.DEGREE
+ROW_WORDS = signature.padded_width(sum(WIDTHS)) // signature.DEGREE
 RAWS = st.tuples(*(st.integers(fmt.lo, fmt.hi) for _, fmt in format_leaves(pi.STATE_FMT)))
 
 
@@ -93,7 +93,7 @@ def test_compiled_appender_gives_the_plain_definition(rows):
             word = word << width | (value & ((1 << width) - 1))
         words.append(word)
     assert at == 0
-    assert signature.of_remainder(buffer[: signature.WORDS]) == signature.signature(words, sum(WIDTHS))
+    assert signature.remainder_signature(buffer[: signature.WORDS]) == signature.signature(words, sum(WIDTHS))
 
 
 def test_rows_too_wide_to_be_appended_at_once_are_refused():
@@ -122,10 +122,10 @@ def test_rows_of_any_layout_in_pairs(data):
         for value, width in zip(row, widths):
             word = word << width | value
         words.append(word)
-    assert signature.of_rows(np.array(rows, np.int64), widths) == signature.signature(words, sum(widths))
+    assert signature.rows_signature(np.array(rows, np.int64), widths) == signature.signature(words, sum(widths))
 
 
 def test_negative_values_enter_by_their_low_bits():
     rows = np.array([[-1, 5], [-7, 0]], np.int64)
     words = [(0x3F << 3) | 5, ((-7 & 0x3F) << 3)]
-    assert signature.of_rows(rows, [6, 3]) == signature.signature(words, 9)
+    assert signature.rows_signature(rows, [6, 3]) == signature.signature(words, 9)

@@ -94,7 +94,7 @@ def test_the_command_leaves_what_quartus_reads(tmp_path):
     assert json.loads(done.output)["board"] == "analog"
     assert {"gyro_board.v", "sine.hex", "cordic_atan.hex"} <= {path.name for path in tmp_path.iterdir()}
     text = (tmp_path / "gyro_board.v").read_text()
-    for name, width, raw in board.settings(build.firmware(Config())):
+    for name, width, raw in board.top_parameters(build.firmware(Config())):
         assert f".{name}({width}'h{raw:x})" in text
 
 

@@ -81,7 +81,7 @@ def test_bundle_is_complete_and_reads_back(out, design):
     rows = replay.run(r.params, r.stimulus, r.frames, found.at)
     assert np.array_equal(found.stim, rows.inputs)
     assert np.array_equal(found.exp, np.column_stack([rows.registers, rows.pins]))
-    assert found.signatures == tuple(signature.of_remainder(words) for words in rows.remainders)
+    assert found.signatures == tuple(signature.remainder_signature(words) for words in rows.remainders)
     assert len(found.signatures) == r.frames
     for window in r.windows:
         assert set(range(window.first, window.first + window.count)) <= set(found.at.tolist())

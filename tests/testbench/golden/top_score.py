@@ -58,7 +58,7 @@ def registers_of(fault):
 def judged(config, firmware, path, fault, folder, face=None, rtl="."):
     """`score.Judged` of the fault that is selected; `face` of a design that shows its pins alone."""
     with library.Design(path, face, rtl) as design:
-        difference = run.closed(config, design, firmware).difference
+        difference = run.run_lockstep(config, design, firmware).difference
     if difference is None:
         return score.Judged(fault, "not seen", [], 0.0)
     start = time.process_time()
@@ -73,7 +73,7 @@ def built(place, config, firmware, faults, level):
         rtl = loop_faults.write_registers(place / "rtl", faults)
         return rtl, library.build(rtl, firmware, place / "built", 1), None
     rtl = loop_faults.write(place / "rtl", firmware, faults)
-    face = library.of_pins(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
+    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
     listed = library.user_sources(rtl, face.top, rtl / "all.f")
     return rtl, library.build(rtl, firmware, place / "built", 1, face, listed), face
 

@@ -171,7 +171,7 @@ int64_t host_left(int64_t handle) { return ((Design*)handle)->host.left(); }
 
 def face(firmware):
     """Pins of the board; it lacks those of the bank's bus."""
-    return library.of_pins(board.MODULE, firmware, build.params(Config(), 25.0, 25.0).chips)
+    return library.pin_face(board.MODULE, firmware, build.params(Config(), 25.0, 25.0).chips)
 
 
 def driver_text(firmware, bench):
@@ -228,7 +228,7 @@ def board_of(stem, folder, language="v", edits=()):
         files = [rtl / f"{name}.vhd" for name in (*OF_HOST[stem], stem)]
         for path in files:
             path.with_suffix(".v").unlink()
-        found = from_vhdl.of_vhdl(Sources(tuple(files), ("",) * len(files)), f"gyro_{stem}", folder, stem)
+        found = from_vhdl.synthesise_vhdl(Sources(tuple(files), ("",) * len(files)), f"gyro_{stem}", folder, stem)
         shutil.move(found, rtl / f"{stem}.v")
         made = folder / f"{board.MODULE}.v"  # synthesis leaves no parameters
         made.write_text(made.read_text().replace(f"gyro_{stem} #(.DDS_BITS(48))", f"gyro_{stem}"))

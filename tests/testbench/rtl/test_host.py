@@ -210,7 +210,7 @@ class Faulty:
     """A loop whose converter fails in many ways; the host reads the latch of faults and clears it."""
 
     def __init__(self, built, port):
-        self.port, self.sim = port, run.Alone(Config(), *DEGC, port, built.firmware)
+        self.port, self.sim = port, run.PinCaptureLoop(Config(), *DEGC, port, built.firmware)
         self.sim.now = (np.array([0.0]), np.array([25.0]))
 
     def run(self, frames, *faults):

@@ -25,7 +25,7 @@ def sources(stem):
 
 def given(stem, case):
     """(name, width, raw bits) of the case's parameters."""
-    listed = blocks.params_of(blocks.BLOCKS[stem], case)
+    listed = blocks.case_parameters(blocks.BLOCKS[stem], case)
     return [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in listed]
 
 
@@ -34,7 +34,7 @@ def test_ports_are_those_of_the_model(stem):
     block, text = blocks.BLOCKS[stem], (RTL / f"{stem}.v").read_text()
     case = next(iter(block.cases))
     found = benches.results(block)
-    parameters = [(name, fmt.width, bool(fmt.s)) for name, _, fmt in blocks.params_of(block, case)]
+    parameters = [(name, fmt.width, bool(fmt.s)) for name, _, fmt in blocks.case_parameters(block, case)]
     wanted = {
         "input": [("clk", 1, False), *((port.name, port.width, port.signed) for port in block.columns)],
         "output": [(name, port.width, port.signed) for name, port in found],

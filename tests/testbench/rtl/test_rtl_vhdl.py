@@ -54,7 +54,7 @@ def compare(stem, folder, given=(), edits=()):
     path.write_text(text)
     found = Sources(tuple(folder / f"{name}.vhd" for name in names), ("",) * len(names))
     script = SCRIPT.format(
-        vhdl=from_vhdl.of_vhdl(found, f"gyro_{stem}", folder, stem),
+        vhdl=from_vhdl.synthesise_vhdl(found, f"gyro_{stem}", folder, stem),
         stem=stem,
         verilog=" ".join(str(RTL / f"{name}.v") for name in names),
         given="".join(f" -chparam {name} {width}'h{raw:x}" for name, raw, width in given),

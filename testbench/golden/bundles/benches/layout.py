@@ -6,7 +6,7 @@ Source  docs/golden.md (what a design must look like)
 from fpga_model import wiring
 from fpga_model.block import declared, parts_of
 from testbench.golden.stimulus import levels
-from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, params_of
+from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, case_parameters
 
 RESET_CYCLES = 2
 SHOWN = 10  # rows that a bench reports in full
@@ -50,18 +50,18 @@ def results(block):
 def set_params(block, case):
     """`params_of` but for those that no design needs."""
     unused = levels.unused_params(block)
-    return [found for found in params_of(block, case) if found[0] not in unused]
+    return [found for found in case_parameters(block, case) if found[0] not in unused]
 
 
 def levels_of(block):
     """Levels at which a block has ports; registers is always one."""
-    stated = levels.entry(block)
+    stated = levels.levels_entry(block)
     return [level for level in levels.LEVELS if stated.get(level, True)]
 
 
 def judged_at(block, level):
     """Names of the ports that a level judges."""
-    return [name for name, _ in results(block)] if level == "registers" else levels.entry(block)[level]
+    return [name for name, _ in results(block)] if level == "registers" else levels.levels_entry(block)[level]
 
 
 def counted(block, level):

@@ -4,13 +4,13 @@ Source  docs/golden.md (files of a bundle)
 """
 
 from testbench.golden.bundles.benches.layout import constants
-from testbench.golden.stimulus.blocks import params_of
+from testbench.golden.stimulus.blocks import case_parameters
 
 
 def _verilog_params(block, case, count):
     lines = [f"localparam {name} = {value};" for name, value in constants(block, count)]
-    lines += [f"localparam P_{key} = {value};  // of the design" for key, value in block.keys.items()]
-    for name, raw, fmt in params_of(block, case):
+    lines += [f"localparam P_{key} = {value};  // of the design" for key, value in block.design_keys.items()]
+    for name, raw, fmt in case_parameters(block, case):
         sign, letter = (" signed", "sh") if fmt.s else ("", "h")
         word = raw & ((1 << fmt.width) - 1)
         lines.append(
@@ -48,8 +48,8 @@ def params_pkg(block, case, count):
     lines = [f"-- Widths and parameters of {block.stem}/{case}", "library ieee;", "use ieee.std_logic_1164.all;", ""]
     lines.append(f"package {name} is")
     lines += [f"    constant {key} : natural := {value};" for key, value in constants(block, count)]
-    lines += [f"    constant P_{key} : natural := {value};  -- of the design" for key, value in block.keys.items()]
-    for key, raw, fmt in params_of(block, case):
+    lines += [f"    constant P_{key} : natural := {value};  -- of the design" for key, value in block.design_keys.items()]
+    for key, raw, fmt in case_parameters(block, case):
         lines.append(
             f"    constant P_{key} : {vhdl_type(fmt.width)} := {_vhdl_literal(raw, fmt.width)};  -- {fmt}, raw {raw}"
         )

@@ -16,7 +16,7 @@ from testbench.golden.bundles.benches.layout import (
 )
 from testbench.golden.bundles.benches.params import vhdl_type
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.stimulus.blocks import params_of
+from testbench.golden.stimulus.blocks import case_parameters
 
 
 def vhdl_slice(width, hi, lo):
@@ -36,10 +36,10 @@ def _judged(block):
 
 def component(block, case, fed):
     """Declaration and instance of the design for a template: inputs come from signal `fed`, results go to `got`."""
-    inputs, found, given = inputs_of(block), results(block), params_of(block, case)
-    generics = [f"            {key} : natural" for key in block.keys]
+    inputs, found, given = inputs_of(block), results(block), case_parameters(block, case)
+    generics = [f"            {key} : natural" for key in block.design_keys]
     generics += [f"            {key} : {vhdl_type(fmt.width)}" for key, _, fmt in given]
-    maps = [f"            {key} => P_{key}" for key in (*block.keys, *(key for key, _, _ in given))]
+    maps = [f"            {key} => P_{key}" for key in (*block.design_keys, *(key for key, _, _ in given))]
     for key, path in rom_parameters(block).items():
         generics.append(f"            {key} : string")
         maps.append(f'            {key} => DIR & "{path}"')

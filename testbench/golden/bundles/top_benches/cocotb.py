@@ -30,7 +30,7 @@ def cocotb_test(block, case):
         sent=" | ".join(places) if places[1:] else "word & ((1 << WORD_BITS) - 1)",
         word_bits=adc_serial.WORD_BITS * adc_serial.WORDS,
         pulse=adc_serial.PULSE,
-        row_bits=signature.padded(width),
+        row_bits=signature.padded_width(width),
         polynomial=f"{signature.POLYNOMIAL:#x}",
         power=signature.POWER,
         taps=signature.TAPS,

@@ -38,7 +38,7 @@ def constants(design, counts):
         ("HOST_BITS", HOST_BITS),
         ("SAR_BITS", SAR_BITS),
         ("ADC_PULSE", adc_serial.PULSE),
-        ("ROW_BITS", signature.padded(out_width)),
+        ("ROW_BITS", signature.padded_width(out_width)),
     ]
 
 

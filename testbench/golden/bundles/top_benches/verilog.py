@@ -127,7 +127,7 @@ def verilog_bench(block, case, counts, clocks=None):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
     found = benches.results(block)
     inputs = [(p.name, p) for p in block.columns]
-    row_bits, size = signature.padded(counts["out_width"]), 64 * signature.WORDS
+    row_bits, size = signature.padded_width(counts["out_width"]), 64 * signature.WORDS
     two, eight = _backs()
     nets = [f"    reg {benches.span(p.width)}{n};" for n, p in inputs]
     nets += _nets(block, clocks)

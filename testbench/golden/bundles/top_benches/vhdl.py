@@ -51,7 +51,7 @@ def vhdl_bench(block, case, counts, clocks=None):
         for got, want, named in (("feed", "fed", inputs), ("got", "want", found))
         for n, p, hi, lo in benches.slices(named)
     ]
-    size, row_bits = 64 * signature.WORDS, signature.padded(counts["out_width"])
+    size, row_bits = 64 * signature.WORDS, signature.padded_width(counts["out_width"])
     first, more = chunks(size)
     backs = " xor\n            ".join(
         f"shift_left(resize(leaving, {size}), {64 * back})" if back else f"resize(leaving, {size})"

@@ -9,14 +9,14 @@ import json
 import subprocess
 from pathlib import Path
 
-from testbench.golden.bundles.design_entry import told
+from testbench.golden.bundles.design_entry import rtl_parameters
 
 
 def text(manifest, folder, ports):
     """The bench, with a design `gyro_BLOCK`. `ports` are RTL ports with their widths."""
     given = [(p["name"], p["width"]) for p in manifest["inputs"]]
     unused = manifest.get("unused_params", ())
-    values = [f".{name}({value})" for name, value in told(manifest)]
+    values = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
     for p in manifest["params"]:
         if p["name"] not in unused:
             width = sum(p["fmt"])

@@ -22,7 +22,7 @@ def test_the_graph_of_a_block_gives_every_golden_row(stem):
     case = list(block.cases)[-1]
     stim, _ = made(stem, case)
     registers, pins = blocks.run(block, case, stim)
-    graph = elaborate.of_block(stem, {name: raw for name, raw, _ in blocks.params_of(block, case)}, block.record)
+    graph = elaborate.of_block(stem, {name: raw for name, raw, _ in blocks.case_parameters(block, case)}, block.record)
     leaves = {("in", p.name): column for p, column in zip(block.columns, stim.T)}
     leaves |= {("reg", p.name): column for p, column in zip(block.registers, registers.T)}
     found = rows.Rows(graph, leaves, len(stim))

@@ -121,7 +121,7 @@ def proved(folder, manifest, text):
             for name, source in (("gold", rtl_faults.source(stem)), ("gate", text))
         )
         graph, reset = joined(gold, gate, STEADY.get(stem))
-        judged = judge.Judge(graph, mutate.SELECT, reset, stem, work, lambda: mutate.ranges_of(manifest))
+        judged = judge.Judge(graph, mutate.SELECT, reset, stem, work, lambda: mutate.proven_register_ranges(manifest))
         return judged.verdict(1)
 
 

@@ -19,14 +19,14 @@ FRAMES = 4
 REPEATED = 8  # conversions that come again
 
 
-class Behind(NamedTuple):
+class Continuation(NamedTuple):
     """Rows from the first that differs on: inputs of the edges, and registers and pins before them."""
 
     inputs: np.ndarray
     values: np.ndarray
 
 
-def repeated(stimulus, row, record):
+def extend_stimulus(stimulus, row, record):
     """A `Stimulus` up to a row that goes on for FRAMES frames; `record` of the design."""
     last, clocks = stimulus.adc[-REPEATED:], record.frame_clocks
     if not len(last):
@@ -38,7 +38,7 @@ def repeated(stimulus, row, record):
     return stimulus._replace(adc=np.concatenate([stimulus.adc, [c for c in more if row <= c[0] < end]]))
 
 
-def of_design(design, chip, stimulus, row, record):
+def simulate_continuation(design, chip, stimulus, row, record):
     """`Behind` of a `library.Design` that stands before edge `row`, with the `adc_serial.State` of its converter.
 
     stimulus  `Stimulus`, repeated
@@ -56,8 +56,8 @@ def of_design(design, chip, stimulus, row, record):
         bus = host.get(row + n, bus)
         sample = samples[min((row + n) // record.tick_clocks, len(samples) - 1)]
         inputs[n] = 0, chip.drdy_n, chip.out, *sample, row + n in host, *bus
-        pins = top.Pins(*library.pins_of(np.array([design.step(inputs[n])]))[0])
+        pins = top.Pins(*library.unpack_pin_rows(np.array([design.step(inputs[n])]))[0])
         status, *codes = conversions.get(row + n, none)
         lines = int(pins.adc_cs_n), int(pins.adc_sclk), int(row + n in conversions)
         chip = step(record.adc_word_bits, chip, *lines, status, tuple(codes))
-    return Behind(inputs, values)
+    return Continuation(inputs, values)
