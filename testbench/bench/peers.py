@@ -58,7 +58,8 @@ class Codes(NamedTuple):
 def _design(params):
     """Verilog of gyro_board from a state, that shows its registers at the end."""
     shows = [
-        f'    $display("register {k} %0d", {locked_state.hierarchical_name(name)});' for k, name in enumerate(library.REGISTERS)
+        f'    $display("register {k} %0d", {locked_state.hierarchical_name(name)});'
+        for k, name in enumerate(library.REGISTERS)
     ]
     return locked_state.from_state(board.text(params)).replace(
         "\nendmodule", "\n".join(["", "final begin", *shows, "end", "", "endmodule"])

@@ -59,7 +59,9 @@ def export(
             | {"vectors_sha256": bundle.vectors_sha256(m)}
             for folder, m in exported_bundles
         ]
-        typer.echo(json.dumps({"bundles": bundle_summaries} | ({"c_files": [str(path) for path in files]} if files else {})))
+        typer.echo(
+            json.dumps({"bundles": bundle_summaries} | ({"c_files": [str(path) for path in files]} if files else {}))
+        )
         return
     if files:
         typer.echo(f"{c}  {len(files)} files of C: make -C {c} check")
@@ -187,7 +189,10 @@ def check(o):
     latency_costs = _costs(report.block, report.case, report.clocks)
     written, why = (None, None) if report.passed else _package(o.out, o.folder, report)
     if o.as_json:
-        tree = report.to_dict() | {"latency": [cost._asdict() for cost in latency_costs], "written": written and str(written)}
+        tree = report.to_dict() | {
+            "latency": [cost._asdict() for cost in latency_costs],
+            "written": written and str(written),
+        }
         typer.echo(json.dumps(tree, indent=2, sort_keys=True))
     else:
         typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in latency_costs), nl=False)
@@ -264,9 +269,13 @@ def wrap(
     if map_path is None:
         raise ConfigError("wrap: --map TOML is needed for a block")
     adapted_bundle = wrapped.wrap(folder, map_path, level, out, latency)
-    rows = f"{len(adapted_bundle.golden.exp)} rows" + (f" from row {adapted_bundle.first} of the bundle" if adapted_bundle.first else "")
+    rows = f"{len(adapted_bundle.golden.exp)} rows" + (
+        f" from row {adapted_bundle.first} of the bundle" if adapted_bundle.first else ""
+    )
     typer.echo(f"{out}  {rows}, {int(adapted_bundle.care.any(axis=1).sum())} judged at level {level}")
-    for cost in _costs(adapted_bundle.golden.manifest["block"], adapted_bundle.golden.manifest["case"], adapted_bundle.clocks):
+    for cost in _costs(
+        adapted_bundle.golden.manifest["block"], adapted_bundle.golden.manifest["case"], adapted_bundle.clocks
+    ):
         typer.echo(f"latency  {cost.text()}")
 
 
@@ -279,7 +288,9 @@ def ranges(
     from testbench.golden.bundles.export import chosen
     from testbench.golden.ranges import range_report
 
-    range_entries = {f"{b.stem}/{case}": range_report.case_range_entry(b, case) for b in chosen(block) for case in b.cases}
+    range_entries = {
+        f"{b.stem}/{case}": range_report.case_range_entry(b, case) for b in chosen(block) for case in b.cases
+    }
     if as_json:
         typer.echo(json.dumps({"ranges": range_entries}))
     else:

@@ -6,7 +6,7 @@
     diagnosis.txt, .json         the report
 
 A loop's model is replayed on the inputs that the design was given; until the difference both are one. Its diagnosis
-reads the rows behind the difference, too (`loop.behind`).
+reads the rows behind the difference, too (`loop.after_divergence`).
 Source  docs/golden.md (what a difference leaves), docs/rtl.md (a design with the pins alone)
 """
 
@@ -52,7 +52,14 @@ def write(folder, difference):
     report = _report(observation, top_run.named(manifest) | {"n": end - first}, golden, first, row)
     # behind the difference there was no plant
     end = row + 1
-    _write_package(folder, _use_port_names(bundles.block({CASE: observation.params}, design)), golden[: end - first], report, first, end)
+    _write_package(
+        folder,
+        _use_port_names(bundles.block({CASE: observation.params}, design)),
+        golden[: end - first],
+        report,
+        first,
+        end,
+    )
     return report
 
 
@@ -92,16 +99,22 @@ def _build_waveform(block, rows, report, first, end):
         name = f"{kind}.{port.name}"
         order = (port.name not in report.differing, name != f"{kind}.{report.divergence.port}") if kind != "in" else ()
         if mine is None:
-            waveform_columns.append((order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool)))
+            waveform_columns.append(
+                (order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool))
+            )
             continue
-        waveform_columns.append((order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool)))
-        waveform_columns.append((order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span]))
+        waveform_columns.append(
+            (order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool))
+        )
+        waveform_columns.append(
+            (order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span])
+        )
     _, signals, values, valid_masks = zip(*sorted(waveform_columns, key=lambda one: one[0]), strict=True)
     return signals, np.column_stack(values), np.column_stack(valid_masks)
 
 
 def write_block(folder, bundle_folder, report):
-    """Write the package of a `compare.Report` that differs, on the bundle in folder `bundle_folder`; returns its folder.
+    """Write the package of a `compare.Report` that differs, on the bundle `bundle_folder`; returns its folder.
 
     Raises FileError for a bundle that this version cannot compute again, and for what cannot be written.
     """
@@ -130,7 +143,9 @@ def write_top(folder, bundle_folder, report):
     first = max(begin, at + 1 - FRAMES * clocks)
     cut = bundles.begun(r, -(-end // clocks), (recording.Window(first, end - first, "around the row that differs"),))
     out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
-    latency_clocks = bundles.late_of(bundle_folder, manifest) | {name.removeprefix("o_"): k for name, k in report.clocks.items()}
+    latency_clocks = bundles.late_of(bundle_folder, manifest) | {
+        name.removeprefix("o_"): k for name, k in report.clocks.items()
+    }
     bundles.write(cut, out, np.arange(first, end), "design" in manifest, level, clocks=latency_clocks)
     golden, block = bundle.read(out), bundles.block({r.name: r.params}, r.params.design)
     block = block._replace(registers=()) if pins_only else _use_port_names(block)

@@ -71,7 +71,9 @@ def bundles(rtl, out, options):
             output_lines = (process.stdout + process.stderr).splitlines()
             count = sum(line.startswith("PASS ") for line in output_lines)
             good = process.returncode == 0 and count == len(list((out / stem).glob("*/manifest.json")))
-            print_progress(f"  {'PASS' if good else 'FAIL'} {stem}: {count} cases, {sim}, {time.perf_counter() - began:.1f} s")
+            print_progress(
+                f"  {'PASS' if good else 'FAIL'} {stem}: {count} cases, {sim}, {time.perf_counter() - began:.1f} s"
+            )
             for line in () if good else output_lines[-8:]:
                 print_progress(f"    {line}")
             passed &= good
@@ -142,7 +144,10 @@ def scores(rtl, out, options):
         took = cpu_s() - began
         print_progress("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
         score_entries[stem] = measured.entry(outcome, vectors, measured.design(files), took)
-        write_text(out / measured.MUTATION, json.dumps([score_entries[s] for s in stems if s in score_entries], indent=1) + "\n")
+        write_text(
+            out / measured.MUTATION,
+            json.dumps([score_entries[s] for s in stems if s in score_entries], indent=1) + "\n",
+        )
         all_passed &= outcome.passed
     return all_passed
 

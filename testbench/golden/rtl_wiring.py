@@ -67,7 +67,11 @@ def _parameters(module):
     used = {key for part in parts for key in block.keys(part)}
     parameter_formats = [(key.upper(), None) for key in DEFAULT._fields if key in used]
     if module not in FILES.values():
-        return [*parameter_formats, *block.parameters(module, RULES).items(), *(("ROM_FILE", None) for _ in module.BLOCK.roms)]
+        return [
+            *parameter_formats,
+            *block.parameters(module, RULES).items(),
+            *(("ROM_FILE", None) for _ in module.BLOCK.roms),
+        ]
     parameter_formats += [(flat(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
     return [*parameter_formats, *((name, None) for stem, name in ROMS.items() if stem in map(_stem, parts))]
 

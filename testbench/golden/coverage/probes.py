@@ -218,7 +218,11 @@ class _Transformer(ast.NodeTransformer):
     def visit_If(self, node):
         if self.is_constant(node.test):
             return self.transform_statements(node.body if self.value(node.test) else node.orelse) or ast.Pass()
-        return ast.If(self.probe_condition(node.test), self.transform_statements(node.body), self.transform_statements(node.orelse))
+        return ast.If(
+            self.probe_condition(node.test),
+            self.transform_statements(node.body),
+            self.transform_statements(node.orelse),
+        )
 
     def transform_statements(self, nodes):
         statements = []
@@ -262,7 +266,9 @@ class _Transformer(ast.NodeTransformer):
             kind, possible, factory = PROBED_FUNCTIONS[plain.__name__]
             return ast.Call(self.add_probe(kind, node, possible, factory), arguments, keywords)
         if inspect.isfunction(plain) and plain.__module__.startswith("fpga_model."):
-            arguments_by_name = dict(zip(inspect.signature(plain).parameters, node.args)) | {k.arg: k.value for k in node.keywords}
+            arguments_by_name = dict(zip(inspect.signature(plain).parameters, node.args)) | {
+                k.arg: k.value for k in node.keywords
+            }
             steady = {name: self.value(value) for name, value in arguments_by_name.items() if self.is_constant(value)}
             inner = self.owner.copy(plain, f"{self.path} > {ast.unparse(node.func)}", steady)
             return ast.Call(ast.Name(inner, ast.Load()), arguments, keywords)

@@ -39,7 +39,8 @@ def _matches_shape(shape, node):
     if not isinstance(shape, ast.AST):
         return shape == node
     return type(shape) is type(node) and all(
-        _matches_shape(part, getattr(node, field)) or (field, part) == ("attr", "_") for field, part in ast.iter_fields(shape)
+        _matches_shape(part, getattr(node, field)) or (field, part) == ("attr", "_")
+        for field, part in ast.iter_fields(shape)
     )
 
 
@@ -166,7 +167,10 @@ def pi_registers(p, prefix):
     bounds = {f"{prefix}acc": (lo * ONE, hi * ONE, why), f"{prefix}y": (lo, hi, why)}
     if p.kp == 0:
         bounds[f"{prefix}prop"] = (0, 0, "kp = 0")
-    return bounds, {f"{prefix}prop": (p.kp & -p.kp, f"kp = {p.kp}"), f"{prefix}acc": (largest_power_of_two(p.ki), f"ki = {p.ki}")}
+    return bounds, {
+        f"{prefix}prop": (p.kp & -p.kp, f"kp = {p.kp}"),
+        f"{prefix}acc": (largest_power_of_two(p.ki), f"ki = {p.ki}"),
+    }
 
 
 def _counters(p, prefix=""):
@@ -245,7 +249,9 @@ def _acc_reaches(loop, limit, offset_lsb):
     """Whether acc + ki*e can be limit*2**24 + beyond, by divisibility alone."""
     p = loop.p
     if loop.preset is None:
-        return any((limit * ONE + offset_lsb - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi))
+        return any(
+            (limit * ONE + offset_lsb - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi)
+        )
     if offset_lsb % largest_power_of_two(p.ki):
         return False
     integral_steps = [p.ki * e for e in loop.solve_errors(p.ki, offset_lsb % ONE)]

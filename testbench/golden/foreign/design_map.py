@@ -176,7 +176,9 @@ class _Reader:
         return tuple(found)
 
     def parameters(self):
-        names = [name for name, _ in rtl_parameters(self.manifest)] + [p["name"] for p in self.manifest.get("params", [])]
+        names = [name for name, _ in rtl_parameters(self.manifest)] + [
+            p["name"] for p in self.manifest.get("params", [])
+        ]
         names += levels.roms(self.manifest)
         used = [name for name in names if name not in self.manifest.get("unused_params", ())]
         names += [p["name"] for p in levels.omitted_params(self.manifest)]

@@ -46,9 +46,14 @@ def detection():
 def pass_caveat():
     """What a PASS does not show, with the kinds of planted faults that a loop missed."""
     planted_counts = detection()
-    missed = sorted((detected / planted, kind, planted, detected) for kind, (planted, detected) in planted_counts["kinds"].items())
-    missed_text = ", ".join(f"{kind} {detected} of {planted}" for _, kind, planted, detected in missed if detected < planted)
-    return f"{NOT_SHOWN} Of {planted_counts['faults']} planted faults a loop of pins saw {planted_counts['seen']}: {missed_text}."
+    missed = sorted(
+        (detected / planted, kind, planted, detected) for kind, (planted, detected) in planted_counts["kinds"].items()
+    )
+    missed_text = ", ".join(
+        f"{kind} {detected} of {planted}" for _, kind, planted, detected in missed if detected < planted
+    )
+    faults, seen = planted_counts["faults"], planted_counts["seen"]
+    return f"{NOT_SHOWN} Of {faults} planted faults a loop of pins saw {seen}: {missed_text}."
 
 
 class Line(NamedTuple):
@@ -199,7 +204,16 @@ def judge(config, firmware, model, yours, stretches):
         first = float(wrap_deg(model.lag_deg[name] + analog))
         clocks[name] = lag_difference_deg / per_clock
         lines.append(
-            Line(name, "deg", first, first + lag_difference_deg, lag_difference_deg, sigma, LIMIT_CLOCKS * per_clock, planned.node_deg()[name])
+            Line(
+                name,
+                "deg",
+                first,
+                first + lag_difference_deg,
+                lag_difference_deg,
+                sigma,
+                LIMIT_CLOCKS * per_clock,
+                planned.node_deg()[name],
+            )
         )
     um, larger = 1e6 * float(model.amplitude_m.mean()), 1e6 * (yours.amplitude_m - model.amplitude_m)
     more, sigma = float(larger.mean()), _mean_sigma(larger)

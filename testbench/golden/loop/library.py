@@ -96,7 +96,9 @@ def _bench_input_ports():
 def register_face(design):
     """`Face` of gyro_top: every register is a port."""
     ports = zip(PORTS, port_formats(design), strict=True)
-    return Face(TOP, _bench_input_ports(), tuple((k, *port) for k, port in enumerate(ports)), PORTS[len(REGISTERS) :], LDACS)
+    return Face(
+        TOP, _bench_input_ports(), tuple((k, *port) for k, port in enumerate(ports)), PORTS[len(REGISTERS) :], LDACS
+    )
 
 
 def pin_face(name, params, chips):
@@ -271,7 +273,11 @@ def user_sources(rtl, name, files=None, folder="."):
         design_sources = of_list(files)
         if design_sources.language == "vhdl":
             return [synthesise_vhdl(design_sources, name, folder, files)]
-        return [*(f"-I{path}" for path in design_sources.includes), *(f"-D{text}" for text in design_sources.defines), *design_sources.files]
+        return [
+            *(f"-I{path}" for path in design_sources.includes),
+            *(f"-D{text}" for text in design_sources.defines),
+            *design_sources.files,
+        ]
     design_sources = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
     if not design_sources:
         hint = "; of VHDL a list (--files) says the order" if [*rtl.glob("*.vhd"), *rtl.glob("*.vhdl")] else ""
@@ -327,7 +333,10 @@ class Design:
     """
 
     def __init__(self, path, face=None, folder="."):
-        self.places, self._folder = ALL if face is None else tuple(signal_index for signal_index, _, _ in face.seen), folder
+        self.places, self._folder = (
+            ALL if face is None else tuple(signal_index for signal_index, _, _ in face.seen),
+            folder,
+        )
         self._data = {} if face is None else face.read
         self._library = ctypes.CDLL(str(path))
         for name in ("gyro_edge", "gyro_differs", "gyro_read"):

@@ -183,7 +183,9 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 store(rtl.conversions[rtl.count[0]], (at, faults.status, codes))
                 rtl.count[0] += 1
             ldacs = (pins >> LDACS_AT) & 1, (pins >> (LDACS_AT + 1)) & 1
-            chips = engine.chips_after(p.chips, word_bits, chips, _unpack_pins(pins), ldacs, loaded, faults.status, codes)
+            chips = engine.chips_after(
+                p.chips, word_bits, chips, _unpack_pins(pins), ldacs, loaded, faults.status, codes
+            )
             if chips.drive.updated:
                 drive_cycle = c
                 rtl.latched[0] = c

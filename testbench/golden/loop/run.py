@@ -61,14 +61,14 @@ class Recorded(NamedTuple):
     """What a design was given and has shown.
 
     params    of the model
-    stimulus  `replay.Stimulus`, which goes on behind the difference (`behind.repeated`)
-    behind    `behind.Behind`: the rows from the difference on
+    stimulus  `replay.Stimulus`, which goes on behind the difference (`after_divergence.extend_stimulus`)
+    continuation  `after_divergence.Continuation`: the rows from the difference on
     places    of library.NAMES, that the design shows
     """
 
     params: fpga.Params
     stimulus: replay.Stimulus
-    behind: after_divergence.Continuation
+    continuation: after_divergence.Continuation
     places: tuple
 
 
@@ -324,7 +324,9 @@ def judge_design(config, design, firmware, progress=None):
     if firmware.digital:
         raise ConfigError('firmware.board: a design is judged by the codes of the ADC; set board = "analog_sid"')
     captures = [
-        capture_pins(config, driven_by, firmware, progress and (lambda _, done, of, name=name: progress(name, done, of)))
+        capture_pins(
+            config, driven_by, firmware, progress and (lambda _, done, of, name=name: progress(name, done, of))
+        )
         for name, driven_by in (("design alone", design), ("model alone", None))
     ]
     return judge_captures(config, firmware, *captures)

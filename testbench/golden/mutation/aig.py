@@ -66,7 +66,14 @@ def read(path):
     if a and (ands[:, 1:] >= ands[:, :1]).any():
         raise FileError(f"{path}: an AND reads one that follows it")
     symbols = "\n".join(lines[at[4] :])
-    return Graph(_parse_port_symbols(symbols, "i"), _parse_port_symbols(symbols, "o"), i, outputs[:, 0], latches[:, 1].copy(), ands[:, 1:].copy())
+    return Graph(
+        _parse_port_symbols(symbols, "i"),
+        _parse_port_symbols(symbols, "o"),
+        i,
+        outputs[:, 0],
+        latches[:, 1].copy(),
+        ands[:, 1:].copy(),
+    )
 
 
 def expand_bits(rows, columns, port_positions, count):
@@ -88,7 +95,9 @@ def expand_bits(rows, columns, port_positions, count):
 
 
 @kernel
-def _simulate_lanes(ands, latches, out_literals, in_count, stim, exp, mask, chosen, clear, cycles, first, initial_state):
+def _simulate_lanes(
+    ands, latches, out_literals, in_count, stim, exp, mask, chosen, clear, cycles, first, initial_state
+):
     """`first[k]`: first row in which design k differs, or as it was; `initial_state`: flip-flops at row 0."""
     count = latches.shape[0]
     value = np.zeros(2 * (1 + in_count + count + ands.shape[0]), np.int64)

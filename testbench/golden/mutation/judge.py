@@ -141,7 +141,9 @@ class Judge:
             word = sum((self._initial[x >> 1] ^ (x & 1)) << k for k, x in enumerate(now))
             word -= 1 << len(now) if signed and word >> (len(now) - 1) else 0
             if lo <= word <= hi:
-                range_bounds += zip(net.bound_literals(now, signed, lo, hi), net.bound_literals(after, signed, lo, hi), strict=True)
+                range_bounds += zip(
+                    net.bound_literals(now, signed, lo, hi), net.bound_literals(after, signed, lo, hi), strict=True
+                )
         return range_bounds
 
     @cached_property
@@ -152,7 +154,9 @@ class Judge:
             assumption = net.both(self._kept, net.any(now ^ 1 for now, _ in candidate_bounds) ^ 1)
             if self._never(net.both(assumption, net.any(after ^ 1 for _, after in candidate_bounds)), "bounds"):
                 break
-            inductive_bounds = [pair for pair in candidate_bounds if self._never(net.both(assumption, pair[1] ^ 1), "bound")]
+            inductive_bounds = [
+                pair for pair in candidate_bounds if self._never(net.both(assumption, pair[1] ^ 1), "bound")
+            ]
             candidate_bounds = inductive_bounds if len(inductive_bounds) < len(candidate_bounds) else []
         return net.any(now ^ 1 for now, _ in candidate_bounds) ^ 1
 

@@ -222,7 +222,9 @@ def score(folder, rtl, count=COUNT, seed=SEED, keep=None):
         graph = insert_faults(mutants, work, what)
         first, initial_state = simulate(folder, manifest, graph, [m.number for m in mutants])
         alive = [m for m in mutants if first[m.number] < 0]
-        fault_judge = judge.Judge(graph, SELECT, initial_state, manifest["block"], work, lambda: proven_register_ranges(manifest))
+        fault_judge = judge.Judge(
+            graph, SELECT, initial_state, manifest["block"], work, lambda: proven_register_ranges(manifest)
+        )
         verdicts = [fault_judge.verdict(m.number) for m in alive]
     return Outcome.from_verdicts(manifest["block"], manifest["case"], seed, mutants, alive, verdicts)
 

@@ -52,7 +52,9 @@ def _prepare(params, rtl, work):
     for name, width, raw in board.top_parameters(params):
         # a text of its own: the design's own default takes the place of parameters from outside
         kind = "sh" if re.search(rf"parameter\s+signed\s[^=\n]*\b{name}\s*=", text) else "h"
-        text, replacement_count = re.subn(rf"(parameter[^=\n]*\b{name}\s*= )[^,\s]+", rf"\g<1>{width}'{kind}{raw:x}", text)
+        text, replacement_count = re.subn(
+            rf"(parameter[^=\n]*\b{name}\s*= )[^,\s]+", rf"\g<1>{width}'{kind}{raw:x}", text
+        )
         if replacement_count != 1:
             raise FileError(f"{rtl}: top.v: parameter {name} is missing")
     (work / "top.v").write_text(text)
@@ -154,9 +156,13 @@ class _Design:
         """
         leaf_sources = []
         for column, name in enumerate((RESET_INPUT, *top.Inputs._fields)):
-            leaf_sources += [((column, bit, 0), 1 + position) for bit, position in enumerate(graph.inputs.get(name, ()))]
+            leaf_sources += [
+                ((column, bit, 0), 1 + position) for bit, position in enumerate(graph.inputs.get(name, ()))
+            ]
         first, mapped_leaves = 1 + graph.in_count, set()
-        for column, (port, fmt) in enumerate(zip(library.PORTS, library.port_formats(self.r.params.design), strict=True)):
+        for column, (port, fmt) in enumerate(
+            zip(library.PORTS, library.port_formats(self.r.params.design), strict=True)
+        ):
             positions = graph.outputs.get(port, ())
             if len(positions) != fmt.width:
                 raise FileError(f"top.v: port {port} has {len(positions)} bits, not {fmt.width}")
@@ -198,7 +204,11 @@ class _Design:
         ands = np.array(net.ands[: self.judge.shared], np.int64).reshape(-1, 2)
         values = np.zeros(2 * (1 + len(leaves) + len(ands)), np.uint64)
         values[1] = ~np.uint64(0)
-        return int(_first_mismatch_row(ands, leaves, np.array(literals, np.int64), np.array(expected_bits), len(rows) - 1, values))
+        return int(
+            _first_mismatch_row(
+                ands, leaves, np.array(literals, np.int64), np.array(expected_bits), len(rows) - 1, values
+            )
+        )
 
     def find_first_true_row(self, literal, rows):
         """First row in which a literal is 1, or -1."""

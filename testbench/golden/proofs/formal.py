@@ -117,7 +117,9 @@ def _design(block, case, rtl, choice):
     if choice.files is not None:
         candidate_sources = [sources.of_list(choice.files)]
     else:
-        candidate_sources = sources.of_folder(rtl, block.stem) or (sources.of_folder(rtl, port_map.top) if port_map else [])
+        candidate_sources = sources.of_folder(rtl, block.stem) or (
+            sources.of_folder(rtl, port_map.top) if port_map else []
+        )
     candidate_sources = [candidate for candidate in candidate_sources if candidate.language == "verilog"]
     if not candidate_sources:
         raise FileError(f"{choice.files or rtl}: no {block.stem}.v or .sv; a proof reads Verilog")
@@ -128,7 +130,9 @@ def _design(block, case, rtl, choice):
 
 def _top(block, case, checker, design):
     """Verilog: design and properties, both with the parameters of the case, over free inputs."""
-    parameter_values = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)]
+    parameter_values = [
+        (name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)
+    ]
     checker_parameters = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
     inputs = [("clk", 1), *((p.name, p.width) for p in block.columns)]
     result_ports = [(name, p.width) for name, p in layout.results(block)]
@@ -148,14 +152,18 @@ def _top(block, case, checker, design):
     lines += [f"    wire [{width - 1}:0] {name};" for name, width in result_ports if name in design.ports]
     lines.append(instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), parameter_values))
     used = [name for name, _ in _checker_ports(checker)]
-    lines.append(instance(f"prove_{block.stem}", "properties", used, [g for g in parameter_values if g[0] in checker_parameters]))
+    lines.append(
+        instance(f"prove_{block.stem}", "properties", used, [g for g in parameter_values if g[0] in checker_parameters])
+    )
     return "\n".join([*lines, "endmodule"]) + "\n", [name for name, _ in unseen]
 
 
 def _script(design, unseen, proof_command):
     """Commands for yosys: read, flatten, take out what speaks of an unseen port, prove."""
     design_sources = design.sources
-    options = "".join(f" -I{folder}" for folder in design_sources.includes) + "".join(f" -D{macro}" for macro in design_sources.defines)
+    options = "".join(f" -I{folder}" for folder in design_sources.includes) + "".join(
+        f" -D{macro}" for macro in design_sources.defines
+    )
     lines = [f"read_verilog -defer{' -sv' * (path.suffix == '.sv')}{options} {path}" for path in design_sources.files]
     lines += ["read_verilog -defer wrapper.v"] if design.wrapper else []
     lines += [
@@ -191,7 +199,9 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
     for name in selected_properties:
         if name not in properties:
             raise ConfigError(f"{stem}: has no property {name}; known: {', '.join(properties)}")
-    selected_checker = re.sub(r"\b(\w+): assert\b", lambda m: m[0] if m[1] in selected_properties else f"{m[1]}: cover", checker)
+    selected_checker = re.sub(
+        r"\b(\w+): assert\b", lambda m: m[0] if m[1] in selected_properties else f"{m[1]}: cover", checker
+    )
     text, unseen = _top(block, case, checker, design)
     proof_command = (
         f"sat -tempinduct{'-baseonly' if base_only else ''} -prove-asserts -set-assumes -maxsteps {steps} "
@@ -219,13 +229,20 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
     if why.startswith("no failure") and not base_only and len(tried) > 1:
         # the others may stand without it
         single_proofs = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
-        proven, invariant = all(single_proof.proven for single_proof in single_proofs), sum((single_proof.invariant for single_proof in single_proofs), ())
-        broken = next((single_proof for single_proof in single_proofs if single_proof.why.startswith("a property fails")), None)
+        proven, invariant = (
+            all(single_proof.proven for single_proof in single_proofs),
+            sum((single_proof.invariant for single_proof in single_proofs), ()),
+        )
+        broken = next(
+            (single_proof for single_proof in single_proofs if single_proof.why.startswith("a property fails")), None
+        )
         open_ones = ", ".join(single_proof.properties[0] for single_proof in single_proofs if not single_proof.proven)
         why = f"{why} of {open_ones}; the rest is proven" if open_ones else ""
         why = f"{broken.why}: {broken.properties[0]}" if broken else why
     untried_properties = tuple(name for name in selected_properties if name not in tried)
-    return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, untried_properties, invariant)
+    return Proof(
+        stem, case, tried, proven, reached, why, time.perf_counter() - began, level, untried_properties, invariant
+    )
 
 
 def _run_yosys(work, what):

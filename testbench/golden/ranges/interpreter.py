@@ -392,7 +392,9 @@ class Interpreter:
     def source_operation(self, node):
         function_source = self.where[-1]
         text = ast.get_source_segment(function_source.text, node) if hasattr(node, "end_lineno") else None
-        return SourceOperation(function_source.name, function_source.first + node.lineno, " ".join((text or ast.unparse(node)).split()))
+        return SourceOperation(
+            function_source.name, function_source.first + node.lineno, " ".join((text or ast.unparse(node)).split())
+        )
 
     def track_range(self, node, path, value):
         key = (self.where[-1].name, node)

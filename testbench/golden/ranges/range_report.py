@@ -30,7 +30,9 @@ def range_entry(block, case, regs, pins):
     """
     analysis = ranges.analyse_cached(block.stem, block.cases[case], block.design)
     port_entries = []
-    for one, observed_range in zip((*analysis.registers, *analysis.pins), column_ranges(np.column_stack([regs, pins])), strict=True):
+    for one, observed_range in zip(
+        (*analysis.registers, *analysis.pins), column_ranges(np.column_stack([regs, pins])), strict=True
+    ):
         port_entries.append(
             {
                 "name": one.name,

@@ -312,9 +312,9 @@ def analyse(block, params):
         results.append(Widest(lo, hi, width(lo, hi, False), *OPERATIONS[key]))
     results.sort(key=lambda found: (-found.bits, found.lo, found.function, found.line, found.text))
     problems += [
-        f"{arithmetic_result.function}, line {arithmetic_result.line}: {arithmetic_result.text}: {arithmetic_result.bits} bits, above {MAX_WIDTH}"
-        for arithmetic_result in results
-        if arithmetic_result.bits > MAX_WIDTH
+        f"{widest.function}, line {widest.line}: {widest.text}: {widest.bits} bits, above {MAX_WIDTH}"
+        for widest in results
+        if widest.bits > MAX_WIDTH
     ]
     return Analysis(tuple(registers), tuple(pins), tuple(results), tuple(problems))
 

@@ -43,7 +43,9 @@ def text(params, port=host):
     wires = [f"    wire {_vector_prefix(width)}{name};" for name, width in {**widths, **bus}.items()]
     joined = [f"        .r_{name}({name})" for name in widths]
     connections = [f".{pin}({pin})" for pin in ("clk", RESET_INPUT, *port.Inputs._fields, *widths)]
-    connections += [f".{pin}({wire})" for wire, pin in BUS.items()] + [f".o_{pin}(o_{pin})" for pin in port.Pins._fields]
+    connections += [f".{pin}({wire})" for wire, pin in BUS.items()] + [
+        f".o_{pin}(o_{pin})" for pin in port.Pins._fields
+    ]
     connection_text = ",\n        ".join(connections)
     instance = f"    gyro_{name} #(.DDS_BITS({params.design.dds_bits})) host (\n        {connection_text}\n    );\n"
     assert verilog.count(HEAD) == verilog.count(TAIL) == 1

@@ -179,7 +179,11 @@ def run(params, stimulus, frames, at, board=None, registers=True):
         raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
     by_frame = registers and d != DEFAULT
     frames_per_batch = 1 if by_frame else FRAMES_AT_ONCE
-    o, rom, fresh = _allocate_rows(at, frames, 0 if board is None else frames_per_batch * d.frame_clocks), sine.table(d), top.reset(d)
+    o, rom, fresh = (
+        _allocate_rows(at, frames, 0 if board is None else frames_per_batch * d.frame_clocks),
+        sine.table(d),
+        top.reset(d),
+    )
     s, chip, position = fresh, adc_serial.State(), ReplayPosition()
     buffer = np.zeros(BUFFER if registers and not by_frame else 0, np.int64)
     for frame in range(0, frames, frames_per_batch):

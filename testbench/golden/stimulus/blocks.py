@@ -142,7 +142,10 @@ def _flatten_block(stem, module, design=None):
         roms=tuple(rom.at(record) for rom in declaration.roms),
         run=lambda *given: registry.runner(stem)(structure.get("d", 0), structure.get("rom", 0), *given),
         source=(registry.runner_text(module), vars(module)),
-        **{name: of_design(getattr(declaration, name), record) for name in ("latency", "strobes", "wait", "dense", "idle")},
+        **{
+            name: of_design(getattr(declaration, name), record)
+            for name in ("latency", "strobes", "wait", "dense", "idle")
+        },
         runtime_params=declaration.runtime_params,
         **_hints(module, record),
     )

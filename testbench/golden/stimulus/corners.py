@@ -44,7 +44,9 @@ def append_corner(w, rows):
     w.append_row(rst=1)
     for times, values, counting in rows:
         for n in range(times if counting else 1):
-            w.append_row({**values, **{name: values.get(name, 0) + n for name in counting}}, times=1 if counting else times)
+            w.append_row(
+                {**values, **{name: values.get(name, 0) + n for name in counting}}, times=1 if counting else times
+            )
 
 
 def replay(w):

@@ -46,7 +46,9 @@ def edges_sine(w):
     total = (base[:, None] << d.sine_fraction_bits) + slope[:, None] * middle
     cut, index_bits = sine.PRODUCT.at(d).f, d.sine_address_bits + d.sine_fraction_bits
     low, odd, half = total & ((1 << cut) - 1), (total >> cut) & 1, 1 << (cut - 1)
-    table_indices = [np.flatnonzero(low == dropped_bits)[:2] for dropped_bits in (0, 1, half - 1, half + 1, 2 * half - 1)]
+    table_indices = [
+        np.flatnonzero(low == dropped_bits)[:2] for dropped_bits in (0, 1, half - 1, half + 1, 2 * half - 1)
+    ]
     table_indices += [np.flatnonzero((low == half) & (odd == parity)) for parity in (0, 1)]
     for table_index in np.concatenate(table_indices).tolist():
         for quadrant in range(4):

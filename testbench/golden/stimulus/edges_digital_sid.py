@@ -39,7 +39,10 @@ def edges_digital_sid(w):
         for offset_lsb in (-1, 0, 1):
             _start(w)
             remainder = limit - full_scale_ticks * end + offset_lsb
-            _append_samples(w, [(15, end, full_scale_ticks), (15, remainder - remainder // 2, 1), (15, remainder // 2, 1), (15, 0, 1)])
+            _append_samples(
+                w,
+                [(15, end, full_scale_ticks), (15, remainder - remainder // 2, 1), (15, remainder // 2, 1), (15, 0, 1)],
+            )
     for first, second in _rounding_pairs(w.block.cases[w.case].alpha):
         _start(w)
         w.append_row({"ce_1m": 1, "refs": 15, "sample_x": first, "sample_y": first})

@@ -108,7 +108,9 @@ def acc_at_the_limits(loop):
     step = largest_power_of_two(loop.p.ki)
     for limit in (loop.p.lo, loop.p.hi):
         for offset_steps in (-1, 0, 1):
-            ops = loop.solve_operations(limit * ONE + offset_steps * step) or (offset_steps and loop.approach_limit(limit, offset_steps))
+            ops = loop.solve_operations(limit * ONE + offset_steps * step) or (
+                offset_steps and loop.approach_limit(limit, offset_steps)
+            )
             for op in ops or ():
                 loop.operate(*op)
 

@@ -110,7 +110,9 @@ def _append_input_changes(w):
         first = {"scale": ONE >> 8, "bias_t1": 1 << 20, "bias_t2": 3, "scale_t1": 1 << 20, "scale_t2": 5}
         w.append_row({**first, "en": 1, "word": sign * word, "temperature": sign * temperature})
         for clock in range(w.block.wait):
-            w.append_row({**first, "word": ~(sign * word) ^ clock, "temperature": -(sign * temperature >> 1) ^ (clock << 12)})
+            w.append_row(
+                {**first, "word": ~(sign * word) ^ clock, "temperature": -(sign * temperature >> 1) ^ (clock << 12)}
+            )
 
 
 def _low_bits(w):
@@ -122,5 +124,15 @@ def _low_bits(w):
 
 
 def edges_rate_output(w):
-    for part in (_append_scale_sum_limits, _append_corrected_limits, _append_scaled_limits, _means, _squares, _decimations, _resets, _append_input_changes, _low_bits):
+    for part in (
+        _append_scale_sum_limits,
+        _append_corrected_limits,
+        _append_scaled_limits,
+        _means,
+        _squares,
+        _decimations,
+        _resets,
+        _append_input_changes,
+        _low_bits,
+    ):
         part(w)

@@ -42,7 +42,9 @@ def _wiring_levels():
                 for path, stem in stems.items():
                     if name.startswith(f"{path}.") and not f"{before}{wire.instance}.".startswith(f"{path}."):
                         register = flat(name[len(path) + 1 :])
-                        level_by_register[stem, register] = level if level == "pins" else level_by_register.get((stem, register), level)
+                        level_by_register[stem, register] = (
+                            level if level == "pins" else level_by_register.get((stem, register), level)
+                        )
     return level_by_register
 
 

@@ -178,7 +178,9 @@ def _bits_of_limits(walk):
     names = {"phase": 1, "sense_sin": 2, "sense_cos": 3}
     for name, k in names.items():
         blocking_inputs = slow if name == "phase" else unlocked_sense
-        test_states = ((sequencer.ACQUIRE if blocking_inputs is slow else sequencer.BALANCE, blocking_inputs, p.limit_in[k]),)
+        test_states = (
+            (sequencer.ACQUIRE if blocking_inputs is slow else sequencer.BALANCE, blocking_inputs, p.limit_in[k]),
+        )
         for state, between, limit in (*test_states, (sequencer.LOCKED, {}, p.limit_out[k])):
             if not walk.again(state, **between):
                 continue
@@ -260,7 +262,9 @@ def _searches(walk):
     if p.search < 3:
         return  # three steps of a phase get as far as the limit
     edge = (p.search_limit << CUT) // p.gain
-    limit_rotations = {edge + k for k in range(-64, 65)} | {edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)}
+    limit_rotations = {edge + k for k in range(-64, 65)} | {
+        edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)
+    }
     for total in sorted(limit_rotations | {-k for k in limit_rotations}):
         correction = (total * p.gain + (1 << (CUT - 1))) >> CUT
         sound = _accepts_correction(p, correction)
@@ -296,7 +300,12 @@ def _disturb_each_state(walk):
     """Lost lock, unusable frames, saturations and the user's bits in ACQUIRE, SETTLE, BALANCE and LOCKED."""
     unlocked_sense = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
     small = {"magnitude": SETPOINT >> 1}  # keeps ACQUIRE from ending
-    states = {sequencer.ACQUIRE: small, sequencer.SETTLE: unlocked_sense, sequencer.BALANCE: unlocked_sense, sequencer.LOCKED: {}}
+    states = {
+        sequencer.ACQUIRE: small,
+        sequencer.SETTLE: unlocked_sense,
+        sequencer.BALANCE: unlocked_sense,
+        sequencer.LOCKED: {},
+    }
     for state, blocking_inputs in states.items():
         for more in (
             {"stale": 1},

@@ -26,10 +26,12 @@ def msb_first_bits(value, count):
 
 
 def frame(read, address, words, word_count=None, spoil=0, zeros=0):
-    """Bits of SDI. A read sends random words; `word_count` is the count in the command, `zeros` its bit 11 and those below a
-    word; the CRC is inverted in the bits `spoil`."""
+    """Bits of SDI. A read sends random words; `word_count` is the count in the command, `zeros` its bit 11 and those
+    below a word; the CRC is inverted in the bits `spoil`."""
     word_count = len(words) if word_count is None else word_count
-    head = msb_first_bits(read << spi_slave.READ_AT | word_count << spi_slave.WORDS_AT | address | zeros, spi_slave.COMMAND_BITS)
+    head = msb_first_bits(
+        read << spi_slave.READ_AT | word_count << spi_slave.WORDS_AT | address | zeros, spi_slave.COMMAND_BITS
+    )
     data = [bit for word in words for bit in msb_first_bits(word, spi_slave.WORD_BITS)]
     check = msb_first_bits(crc(head if read else head + data) ^ spoil, spi_slave.CRC_BITS)
     return head + check + data + [0] * spi_slave.CRC_BITS if read else head + data + check

@@ -22,7 +22,9 @@ def _lock_errors(p, setpoint, table, offset_lsb, sign):
     """Inputs whose four errors are `offset_lsb` LSB beside the limits of `table`."""
     names = ("agc_error", "phase", "sense_sin", "sense_cos")
     limits = ((setpoint * table[0]) >> lock_monitor.FRACTION, *table[1:])
-    return {"setpoint": setpoint} | {name: sign * (limit + offset_lsb) for name, limit in zip(names, limits, strict=True)}
+    return {"setpoint": setpoint} | {
+        name: sign * (limit + offset_lsb) for name, limit in zip(names, limits, strict=True)
+    }
 
 
 def _single_bit_neighbours(limit):

@@ -17,7 +17,7 @@ from testbench.golden.stimulus import corners as found_corners
 from testbench.golden.stimulus import edges, families, scripts
 from testbench.golden.stimulus.writer import SEED, Random, Writer, corners
 
-__all__ = ["SEED", "Random", "corners", "make_directed", "make"]
+__all__ = ["SEED", "Random", "corners", "make", "make_directed"]
 
 
 def make_directed(block, case, seed=SEED):

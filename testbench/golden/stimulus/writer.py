@@ -54,7 +54,9 @@ def around(limit, fmt):
     for k in range(fmt.width):
         flipped = limit ^ (1 << k)
         neighbours |= {flipped - 1, flipped, flipped + 1}
-        neighbours |= {(flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)}
+        neighbours |= {
+            (flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)
+        }
     return sorted(v for v in neighbours if fmt.holds(v))
 
 

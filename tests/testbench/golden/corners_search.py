@@ -164,7 +164,9 @@ def missing(block):
         for goal in coverage.goals(block, case):
             if goal not in dead:
                 wanted.setdefault(goal, []).append(case)
-    return {goal: cases for goal, cases in wanted.items() if goal not in met and not unreachable.waiver_reason(block, goal)}
+    return {
+        goal: cases for goal, cases in wanted.items() if goal not in met and not unreachable.waiver_reason(block, goal)
+    }
 
 
 def explore(block, examples=EXAMPLES, say=print):

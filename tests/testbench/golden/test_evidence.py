@@ -87,7 +87,9 @@ def test_the_counters_that_are_left_out_are_the_only_ones(met):
     assert set(unreachable.WAIVED_REGISTERS) == {"fault_monitor", "sequencer"}
 
 
-@pytest.mark.parametrize(("stem", "case"), [(stem, case) for stem in STEMS for case in corners.load_corners(stem)["found"]])
+@pytest.mark.parametrize(
+    ("stem", "case"), [(stem, case) for stem in STEMS for case in corners.load_corners(stem)["found"]]
+)
 def test_found_corners_meet_their_goals(stem, case):
     block = blocks.BLOCKS[stem]
     directed = coverage.find_reached_goals(block, case, stimulus.make_directed(block, case)[0])

@@ -48,7 +48,9 @@ def params_pkg(block, case, count):
     lines = [f"-- Widths and parameters of {block.stem}/{case}", "library ieee;", "use ieee.std_logic_1164.all;", ""]
     lines.append(f"package {name} is")
     lines += [f"    constant {key} : natural := {value};" for key, value in constants(block, count)]
-    lines += [f"    constant P_{key} : natural := {value};  -- of the design" for key, value in block.design_keys.items()]
+    lines += [
+        f"    constant P_{key} : natural := {value};  -- of the design" for key, value in block.design_keys.items()
+    ]
     for key, raw, fmt in case_parameters(block, case):
         lines.append(
             f"    constant P_{key} : {vhdl_type(fmt.width)} := {_vhdl_literal(raw, fmt.width)};  -- {fmt}, raw {raw}"

@@ -24,7 +24,9 @@ def span(width):
 
 def instance(block, case, inputs):
     """Instance `dut`; `inputs` gives the net of an input port."""
-    generics = [f".{name}(P_{name})" for name in (*block.design_keys, *(name for name, _, _ in set_params(block, case)))]
+    generics = [
+        f".{name}(P_{name})" for name in (*block.design_keys, *(name for name, _, _ in set_params(block, case)))
+    ]
     generics += [f'.{name}("{path}")' for name, path in rom_parameters(block).items()]
     ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in inputs_of(block))]
     pins, outputs = (judged_at(block, level) for level in ("pins", "outputs"))
