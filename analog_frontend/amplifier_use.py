@@ -39,7 +39,7 @@ def pickoff(device, temp_degc, amplitude_m, f_hz):
     peak_v = linear_v
     if device.ring_saturation_on:
         dc_f = abs(device.dcdx_f_per_m) * amplitude_m
-        steady = ring_cycle.steady(ring_tables.circuit(device, "drive", temp_degc), dc_f)
+        steady = ring_cycle.steady_state(ring_tables.circuit(device, "drive", temp_degc), dc_f)
         peak_v = abs(device.signal_gain * steady.volts)
     return use(device, "C/V amplifier and driver", peak_v, 2 * math.pi * f_hz * linear_v)
 
@@ -60,12 +60,12 @@ def sentence(uses):
 def warnings(uses):
     """Lines: which amplifier is asked for more than it has."""
     for u in uses:
-        for part, asked, unit, key in (
+        for part, demand, unit, key in (
             (u.swing_use, u.peak_v, "V", "amplifier_swing_v"),
             (u.slew_use, u.slope_v_per_s, "V/s", "amplifier_slew_v_per_s"),
         ):
             if part > 1:
                 yield (
-                    f"{u.where}: {asked:.3g} {unit} is {part:.3g} times plant.{key} = {asked / part:.3g} {unit}; "
+                    f"{u.where}: {demand:.3g} {unit} is {part:.3g} times plant.{key} = {demand / part:.3g} {unit}; "
                     "the plant does not clip or slew there"
                 )

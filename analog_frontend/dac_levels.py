@@ -52,14 +52,14 @@ def table(texts, bits):
     Elements and steps count from 1, bits from 0. Raises ValueError: no such text, out of range.
     """
     out = np.zeros(SIZE)
-    place = np.arange(ELEMENTS)
+    elements = np.arange(ELEMENTS)
     for text in texts:
-        found = TEXT.fullmatch(text) if isinstance(text, str) else None
-        if not found:
+        match = TEXT.fullmatch(text) if isinstance(text, str) else None
+        if not match:
             raise ValueError(f'dac levels: {text!r}: expected "element K/N = LSB", "step K/N = LSB" or "bit B = LSB"')
-        kind, number, of = found[1] or found[5], int(found[2] or found[6]), int(found[3] or 0)
+        kind, number, count = match[1] or match[5], int(match[2] or match[6]), int(match[3] or 0)
         try:
-            error = float(found[4] or found[7])
+            error = float(match[4] or match[7])
         except ValueError:
             error = np.inf
         if not abs(error) <= MAX_LSB:
@@ -69,16 +69,16 @@ def table(texts, bits):
                 raise ValueError(f"dac levels: {text!r}: bits are 0 .. {bits - 1}")
             out[WEIGHTS + number] += error
             continue
-        if of not in [1 << m for m in range(1, STRING_BITS + 1)] or not 1 <= number <= of:
+        if count not in [1 << m for m in range(1, STRING_BITS + 1)] or not 1 <= number <= count:
             raise ValueError(f"dac levels: {text!r}: K/N with N of 2, 4, 8, 16, 32 and K of 1 .. N wanted")
-        fine = ELEMENTS // of
+        fine = ELEMENTS // count
         first = (number - 1) * fine
         if kind == "step":
-            out[LEFT : LEFT + ELEMENTS] += error * (place >= first)
-            out[RIGHT : RIGHT + ELEMENTS] += error * (place >= first)
+            out[LEFT : LEFT + ELEMENTS] += error * (elements >= first)
+            out[RIGHT : RIGHT + ELEMENTS] += error * (elements >= first)
         else:
-            out[LEFT : LEFT + ELEMENTS] += error * np.clip((place - first) / fine, 0.0, 1.0)
-            out[RIGHT : RIGHT + ELEMENTS] += error * np.clip((place + 1 - first) / fine, 0.0, 1.0)
+            out[LEFT : LEFT + ELEMENTS] += error * np.clip((elements - first) / fine, 0.0, 1.0)
+            out[RIGHT : RIGHT + ELEMENTS] += error * np.clip((elements + 1 - first) / fine, 0.0, 1.0)
     return out
 
 
@@ -94,14 +94,14 @@ def design(texts, bits, lsb_v):
 @inlined
 def volts(p, code):
     """What the level of `code` is too high by (V); `p` is on."""
-    place = code + (1 << (p.bits - 1))
-    below = p.bits - STRING_BITS
-    k = place >> below
-    rest = place - (k << below)
-    left = p.table_v[LEFT + k]
-    error = left + (p.table_v[RIGHT + k] - left) * (float(rest) / float(1 << below))
+    position = code + (1 << (p.bits - 1))
+    low_bits = p.bits - STRING_BITS
+    k = position >> low_bits
+    remainder = position - (k << low_bits)
+    start_v = p.table_v[LEFT + k]
+    error = start_v + (p.table_v[RIGHT + k] - start_v) * (float(remainder) / float(1 << low_bits))
     for b in range(p.bits):
-        if (place >> b) & 1:
+        if (position >> b) & 1:
             error = error + p.table_v[WEIGHTS + b]
     return error
 

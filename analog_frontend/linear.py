@@ -147,7 +147,7 @@ def _sums(g, w, n, column, row):
 
 
 @inlined
-def _modes(g, w, n, e, laws, gains, pushed):
+def _step_modes(g, w, n, e, laws, gains, pushed):
     f = FORCED_MODES * STRIDE
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
@@ -179,13 +179,13 @@ def modes(g, w, n, e, laws, gains):
     _sums(g, w, n, 6, FORCED_MODES)
     # two loops, so that effects that are off cost one branch a block
     if e.any_force or laws.force:
-        _modes(g, w, n, e, laws, gains, True)
+        _step_modes(g, w, n, e, laws, gains, True)
     else:
-        _modes(g, w, n, e, laws, gains, False)
+        _step_modes(g, w, n, e, laws, gains, False)
 
 
 @inlined
-def _driven(q, w, n, x, vx, end_vx, out):
+def _drive_pickoff(q, w, n, x, vx, end_vx, out):
     """What a mode gives to its C/V states and SID path: three rows from `out`, three from that of its path.
 
     q       (4, 6)
@@ -218,8 +218,8 @@ def pickoffs(g, q, w, n, pushed):
     pushed  whether effects push the velocities between ticks
     """
     x_end, y_end = (END_VX * STRIDE, END_VY * STRIDE) if pushed else (VX * STRIDE + 1, VY * STRIDE + 1)
-    _driven(q[0], w, n, X * STRIDE, VX * STRIDE, x_end, B_CV * STRIDE)
-    _driven(q[1], w, n, Y * STRIDE, VY * STRIDE, y_end, (B_CV + 3) * STRIDE)
+    _drive_pickoff(q[0], w, n, X * STRIDE, VX * STRIDE, x_end, B_CV * STRIDE)
+    _drive_pickoff(q[1], w, n, Y * STRIDE, VY * STRIDE, y_end, (B_CV + 3) * STRIDE)
     _pairs_of_three(g, w, n, 10, CX1, B_CV, 13, CY1, B_CV + 3)
     _path(g, w, n, 10, CX1, PX1, PATH)
     _path(g, w, n, 13, CY1, PY1, PATH + 3)

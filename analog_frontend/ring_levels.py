@@ -19,7 +19,7 @@ def limit_m(device, temp_degc):
     return ring_diode.limit_f(*ring_diode.arguments(device, "drive", temp_degc)) / abs(device.dcdx_f_per_m)
 
 
-def seen_v_per_m(device, temp_degc, amplitude_m):
+def demodulated_v_per_m(device, temp_degc, amplitude_m):
     """Gain (V/m) of the drive's ring as a square-wave demodulator sees it at an amplitude."""
     circuit, slope = ring_tables.circuit(device, "drive", temp_degc), device.dcdx_f_per_m
     return ring_cycle.large(circuit, abs(slope) * amplitude_m).seen_v_per_f * slope
@@ -31,23 +31,24 @@ def delay_s(device, channel, temp_degc, amplitude_m=0.0):
     return ring_cycle.large(ring_tables.circuit(device, channel, temp_degc), max(slope * amplitude_m, SMALL_F)).delay_s
 
 
-def amplitude_m(device, temp_degc, seen_v):
+def amplitude_m(device, temp_degc, demodulated_v):
     """Drive amplitude (m) at which the demodulator sees a sine of `seen_v` behind the ring. ValueError: none does."""
-    return _amplitude_f(ring_tables.circuit(device, "drive", temp_degc), seen_v) / abs(device.dcdx_f_per_m)
+    return _amplitude_f(ring_tables.circuit(device, "drive", temp_degc), demodulated_v) / abs(device.dcdx_f_per_m)
 
 
 @functools.lru_cache(maxsize=256)
-def _amplitude_f(circuit, seen_v):
-    def seen(dc_f):
+def _amplitude_f(circuit, demodulated_v):
+    def demodulated_volts(dc_f):
         return ring_cycle.large(circuit, dc_f).seen_v_per_f * dc_f
 
     low_f, high_f = SMALL_F, NEAR_C0 * circuit.c0_f
-    if seen(high_f) < seen_v:
+    if demodulated_volts(high_f) < demodulated_v:
         raise ValueError(
-            f"plant.ring_saturation_on = 1: the set-point is {seen_v:g} V behind the ring, which gives "
-            f"{seen(high_f):g} V at most: lower firmware.amplitude_um or plant.dcdx_f_per_m, or raise plant.carrier_v"
+            f"plant.ring_saturation_on = 1: the set-point is {demodulated_v:g} V behind the ring, which gives "
+            f"{demodulated_volts(high_f):g} V at most: lower firmware.amplitude_um or plant.dcdx_f_per_m, or "
+            "raise plant.carrier_v"
         )
     for _ in range(ROUNDS):
         middle_f = (low_f + high_f) / 2
-        low_f, high_f = (middle_f, high_f) if seen(middle_f) < seen_v else (low_f, middle_f)
+        low_f, high_f = (middle_f, high_f) if demodulated_volts(middle_f) < demodulated_v else (low_f, middle_f)
     return (low_f + high_f) / 2

@@ -22,8 +22,8 @@ def design(device, temp_lo_degc, temp_hi_degc, tick_s):
         first = np.floor((temp_lo_degc - device.temp_ref_degc) / STEP_K)
         last = max(np.ceil((temp_hi_degc - device.temp_ref_degc) / STEP_K), first + 1)
         temps = [device.temp_ref_degc + STEP_K * k for k in range(int(first), int(last) + 1)]
-    made = [[_cubics(device, channel, temp, tick_s) for channel in CHANNELS] for temp in temps]
-    per_v, cubics = (np.array([[one[k] for one in row] for row in made]) for k in range(2))
+    tables = [[_cubics(device, channel, temp, tick_s) for channel in CHANNELS] for temp in temps]
+    per_v, cubics = (np.array([[one[k] for one in row] for row in tables]) for k in range(2))
     return Params(1, float(temps[0]), STEP_K, len(temps), per_v, cubics)
 
 
@@ -34,16 +34,16 @@ def circuit(device, channel, temp_degc):
 
 def _cubics(device, channel, temp_degc, tick_s):
     """Intervals per volt and cubics of a channel at a temperature."""
-    ring = ring_diode.ring(*ring_diode.arguments(device, channel, temp_degc))
+    ring = ring_diode.diode_ring(*ring_diode.arguments(device, channel, temp_degc))
     curve = ring_cycle.curve(circuit(device, channel, temp_degc), INTERVALS)
     gain = abs(device.signal_gain)
-    h, late = curve.step_f, curve.late_v_s_per_f
-    bend = np.concatenate([[0.0], (late[2:] - late[:-2]) / 2, [late[-1] - late[-2]]])  # L' times the interval
-    area = np.concatenate([[0.0], np.cumsum(h * ((late[1:] + late[:-1]) / 2 + (bend[:-1] - bend[1:]) / 12))])
+    h, lag = curve.step_f, curve.late_v_s_per_f
+    bend = np.concatenate([[0.0], (lag[2:] - lag[:-2]) / 2, [lag[-1] - lag[-2]]])  # L' times the interval
+    area = np.concatenate([[0.0], np.cumsum(h * ((lag[1:] + lag[:-1]) / 2 + (bend[:-1] - bend[1:]) / 12))])
     linear = ring.gain_v_per_f * h
     static = gain * (curve.volts - linear * np.arange(INTERVALS + 1))
     moving = gain / tick_s * (ring.tau_s * curve.volts - area)
-    slopes = gain * (h * curve.volts_per_f - linear), gain / tick_s * h * (ring.tau_s * curve.volts_per_f - late)
+    slopes = gain * (h * curve.volts_per_f - linear), gain / tick_s * h * (ring.tau_s * curve.volts_per_f - lag)
     return 1.0 / (gain * linear), np.hstack([_hermite(static, slopes[0]), _hermite(moving, slopes[1])])
 
 

@@ -69,10 +69,10 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s, temp_degc):
     for d in range(DEMODULATORS):
         out[d] = sid.output(s.caps, d)
     t, k, clocks = 0, 0, p.adc.tick_clocks
-    late = s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
+    deferred = s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
     while t < n:
         until = t
-        if late == 0:
+        if deferred == 0:
             until = min(edges[k, 0] // clocks, n) if k < edge_count else n
         if until > t:
             sid.between(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
@@ -81,7 +81,7 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s, temp_degc):
             last = k
             while last < edge_count and edges[last, 0] < (t + 1) * clocks:
                 last += 1
-            late = _switch(p, s, tick + t, t, k, last, edges, added, driver_s)
+            deferred = _switch(p, s, tick + t, t, k, last, edges, added, driver_s)
             k = last
             t += 1
 
@@ -97,7 +97,7 @@ class Switches(NamedTuple):
 
 
 @inlined
-def acting(p, tick, t, d, ref, first, last, edges, late_tau_s, late_count, taus):
+def acting(p, tick, t, d, ref, first, last, edges, pending_tau_s, pending_count, taus):
     """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
 
     p            Switches
@@ -105,26 +105,26 @@ def acting(p, tick, t, d, ref, first, last, edges, late_tau_s, late_count, taus)
     first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
     `late_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `late_tau_s`
     """
-    count, late = late_count, 0
+    count, deferred = pending_count, 0
     for k in range(count):
-        taus[k] = late_tau_s[k]
+        taus[k] = pending_tau_s[k]
         ref = 0 if ref else 1
     for k in range(first, last):
         if edges[k, 1] == d:
             cycle = edges[k, 0] - p.tick_clocks * t
             ref = 0 if ref else 1
-            tau = p.tau_s[ref, cycle] + noise.white(p.jitter, JITTERED * tick + 1 + d)
+            tau = p.tau_s[ref, cycle] + noise.white_sample(p.jitter, JITTERED * tick + 1 + d)
             if p.carry[ref, cycle] != 0:
-                late_tau_s[late] = max(tau, 0.0)
-                late += 1
+                pending_tau_s[deferred] = max(tau, 0.0)
+                deferred += 1
             else:
                 taus[count] = min(max(tau, 0.0), p.h_s)
                 count += 1
-    return count, late
+    return count, deferred
 
 
 @inlined
-def switched(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1):
+def apply_switches(p, caps, d, ref, taus, count, n, p1, p2, p3, v0, dv0, v1, dv1):
     """A tick of demodulator `d` in which its switches move `count` times; returns the reference. Mutates `caps`."""
     if count == 1:
         ref = 0 if ref else 1
@@ -141,22 +141,22 @@ def _switch(p, s, tick, t, first, last, edges, added, driver_s):
     """
     taus, w = s.work.taus_s, s.work.w
     switches = Switches(p.switch_tau_s, p.switch_carry, p.noise.edge_jitter, p.sid.h_s, p.adc.tick_clocks)
-    kept = 0
+    pending = 0
     for d in range(DEMODULATORS):
         waiting = s.late_count[d]
-        count, late = acting(switches, tick, t, d, s.switch[d], first, last, edges, s.late_tau_s[d], waiting, taus)
-        s.late_count[d] = late
-        kept += late
+        count, deferred = acting(switches, tick, t, d, s.switch[d], first, last, edges, s.late_tau_s[d], waiting, taus)
+        s.late_count[d] = deferred
+        pending += deferred
         path = (PATH if d < 2 else PATH + 3) * STRIDE + t
         n = w[(added if d < 2 else added + 1) * STRIDE + t]
         p1, p2, p3 = w[path], w[path + STRIDE], w[path + 2 * STRIDE]
         if count == 0:
-            sid.full(p.sid, s.caps, d, s.switch[d], n, p1, p2, p3)
+            sid.follow_tick(p.sid, s.caps, d, s.switch[d], n, p1, p2, p3)
         else:
             cv = (CX3 if d < 2 else CY3) * STRIDE + t
             before = (CX2 if d < 2 else CY2) * STRIDE + t
             v0, v1 = w[cv], w[cv + 1]
             dv0, dv1 = (p.slope_gain * w[before] - v0) / driver_s, (p.slope_gain * w[before + 1] - v1) / driver_s
-            s.switch[d] = switched(p.sid, s.caps, d, s.switch[d], taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
+            s.switch[d] = apply_switches(p.sid, s.caps, d, s.switch[d], taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
         s.work.demodulated[4 * (t + 1) + d] = sid.output(s.caps, d)
-    return kept
+    return pending

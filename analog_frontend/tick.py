@@ -22,9 +22,9 @@ def step(p, a, tick, pins, edges):
 
 
 @unit
-def block(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges):
+def advance_ticks(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     """`plant.block`, in place."""
-    plant.block(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges)
+    plant.advance_ticks(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges)
 
 
 @unit

@@ -157,7 +157,7 @@ class Pins(NamedTuple):
     edge_count: int
 
 
-def _held(part, levels, code):
+def _level_volts(part, levels, code):
     error = dac_levels.volts(levels, code) if levels.on else 0.0
     return dac.volts(part, code) + error
 
@@ -167,8 +167,8 @@ def reset(p, drive_code, sense_code, temp_degc):
     s = zeros(State, adc=adc.reset(p.adc), work=zeros(Work))
     s.now[:] = np.inf
     s.codes[:] = drive_code, sense_code
-    s.volts[DRIVE] = _held(p.drive_dac, p.drive_levels, drive_code)
-    s.volts[SENSE] = _held(p.sense_dac, p.sense_levels, sense_code)
+    s.volts[DRIVE] = _level_volts(p.drive_dac, p.drive_levels, drive_code)
+    s.volts[SENSE] = _level_volts(p.sense_dac, p.sense_levels, sense_code)
     s.coming_v[:] = s.volts
     s.z[0:3] = s.volts[DRIVE]
     s.z[3:6] = s.volts[SENSE]
@@ -178,12 +178,12 @@ def reset(p, drive_code, sense_code, temp_degc):
 def copy(s):
     """A state that shares nothing with `s`."""
 
-    def own(item):
+    def copy_field(item):
         if isinstance(item, Work):
             return zeros(Work)
         return adc.State(*map(np.copy, item)) if isinstance(item, adc.State) else np.copy(item)
 
-    return State(*map(own, s))
+    return State(*map(copy_field, s))
 
 
 @outlined
@@ -250,14 +250,14 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
 @inner
 def tune(p, s, rate_rad_s, stiffness, temp_degc):
     """As `retune`, for a coupling stiffness (N/m)."""
-    moved = s.now[NOW_TEMP] != temp_degc
-    moved = moved or s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]
-    if not moved and s.now[NOW_RATE] == rate_rad_s and s.now[NOW_STIFFNESS] == stiffness:
+    changed = s.now[NOW_TEMP] != temp_degc
+    changed = changed or s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]
+    if not changed and s.now[NOW_RATE] == rate_rad_s and s.now[NOW_STIFFNESS] == stiffness:
         return
     s.now[NOW_RATE] = rate_rad_s
     s.now[NOW_STIFFNESS] = stiffness
     s.now[NOW_TEMP] = temp_degc
-    if moved:
+    if changed:
         _blend(p, s, temp_degc)
         propagator.combine(s.jet, rate_rad_s, stiffness, s.g)
     else:
@@ -295,17 +295,17 @@ def _dac(s, w, which, part, levels, carry, codes, n, rows):
         store(w, du * STRIDE + t, rise)
         store(w, noisy * STRIDE + t, before + load(w, noisy * STRIDE + t))
         store(w, area * STRIDE + t, rise * load(w, jitter * STRIDE + t))
-    late = s.late_area[which]
+    pending_area = s.late_area[which]
     s.late_area[which] = 0.0
     if carry:
         # each impulse is drawn with its code and acts a tick later
         for t in range(n):
             throw = (w[new + t] - w[new + t - 1]) * w[jitter * STRIDE + t]
-            w[area * STRIDE + t] = late
-            late = throw
-        s.late_area[which] = late
+            w[area * STRIDE + t] = pending_area
+            pending_area = throw
+        s.late_area[which] = pending_area
     else:
-        w[area * STRIDE] = w[area * STRIDE] + late
+        w[area * STRIDE] = w[area * STRIDE] + pending_area
     if part.glitch_v_s != 0.0:
         old = s.codes[which]
         for t in range(n):
@@ -324,7 +324,7 @@ def _foreign(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     """`block` of the plant behind the port; of its motion every row shows what it is at the end. Mutates `s`."""
     port, w, now = p.port, s.work.w, s.now
     port.pins[foreign.QUADRATURE_CODE] = int(now[NOW_STIFFNESS])
-    fell = foreign.block(
+    fell = foreign.run_library(
         port,
         p.adc,
         s.adc.clock,
@@ -354,12 +354,12 @@ def step(p, s, tick, pins, edges):
     """
     s.work.drive_codes[0] = pins.drive_code
     s.work.sense_codes[0] = pins.sense_code
-    ready = block(p, s, tick, ONE, pins.drive_cycle, pins.sense_cycle, pins.edge_count, edges)
+    ready = advance_ticks(p, s, tick, ONE, pins.drive_cycle, pins.sense_cycle, pins.edge_count, edges)
     return ready - p.adc.tick_clocks if ready >= 0 else -1
 
 
 @inner
-def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
+def advance_ticks(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     """`n` ticks from `tick` on, all of one frame; the DAC codes stand in s.work. Mutates `s`.
 
     drive_cycle, sense_cycle  clock within each tick at which a DAC's output is told to change; -1 for never
@@ -380,12 +380,12 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     for k in range(STATES):
         w[STATE_ROWS[k] * STRIDE] = s.z[k]
     # whole registers: what stands behind the last tick is not read, and a loop without a rest is faster
-    on, whole = p.noise, (n + LANES - 1) // LANES * LANES
-    noise.fill_held(on.drive_dac, on.sense_dac, tick, w, IN_U_DRIVE * STRIDE, IN_U_SENSE * STRIDE, n)
-    noise.fill_held(on.force_x, on.force_y, tick, w, IN_FX * STRIDE, IN_FY * STRIDE, n)
-    noise.fill_held(on.cv_x, on.cv_y, tick, w, CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, n)
+    on, padded = p.noise, (n + LANES - 1) // LANES * LANES
+    noise.fill_hold_rows(on.drive_dac, on.sense_dac, tick, w, IN_U_DRIVE * STRIDE, IN_U_SENSE * STRIDE, n)
+    noise.fill_hold_rows(on.force_x, on.force_y, tick, w, IN_FX * STRIDE, IN_FY * STRIDE, n)
+    noise.fill_hold_rows(on.cv_x, on.cv_y, tick, w, CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, n)
     jitter, rows = on.edge_jitter, (JITTER_DRIVE * STRIDE, JITTER_SENSE * STRIDE)
-    noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], whole)
+    noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], padded)
     carry = t.drive_carry[0, s.cycles[DRIVE]]
     _dac(s, w, DRIVE, p.drive_dac, p.drive_levels, carry, s.work.drive_codes, n, DRIVE_ROWS)
     carry = t.sense_carry[0, s.cycles[SENSE]]
@@ -402,16 +402,20 @@ def block(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
         s.z[k] = w[STATE_ROWS[k] * STRIDE + n]
     sid_edges.demodulate(p, s, tick, n, edge_count, edges, s.now[NOW_DRIVER], s.now[NOW_TEMP])
     sensor_v = adc.temperature_volts(s.now[NOW_TEMP])
-    return adc.block(p.adc, s.adc.clock, s.adc.sums, s.work.demodulated, n, sensor_v)
+    return adc.convert_block(p.adc, s.adc.clock, s.adc.sums, s.work.demodulated, n, sensor_v)
 
 
 @outlined
 def sar_code(p, s, tick, channel):
     """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
     noise_x, noise_y = effects.cv_volts(
-        p.effects, noise.held(p.noise.cv_x, tick), noise.held(p.noise.cv_y, tick), s.z[V_DRIVE], s.z[V_DRIVE]
+        p.effects,
+        noise.hold_sample(p.noise.cv_x, tick),
+        noise.hold_sample(p.noise.cv_y, tick),
+        s.z[V_DRIVE],
+        s.z[V_DRIVE],
     )
-    return sampled(p, s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y)
+    return quantize_sample(p, s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y)
 
 
 @inner
@@ -423,7 +427,7 @@ def aperture_noise(p, work, t, drive_v):
 
 
 @inner
-def sampled(p, volts):
+def quantize_sample(p, volts):
     """Code of an 18-bit sample; not a number reads as plus full scale."""
     ratio = volts / p.sar_lsb_v
     if not ratio < 131071.0:

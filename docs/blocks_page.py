@@ -29,7 +29,7 @@ def _rows(kind, ports):
 def ports_part(stem):
     """Parameters, inputs, registers and pins of a block, latencies, cases."""
     own = blocks.BLOCKS[stem]
-    given = [blocks.Port(name, fmt) for name, fmt in block.parameters(block.declared()[stem]).items()]
+    given = [blocks.Port(name, fmt) for name, fmt in block.parameters(block.block_modules()[stem]).items()]
     groups = (("parameter", given), ("input", own.inputs), ("register", own.registers), ("output", own.pins))
     rows = [row for kind, ports in groups for row in _rows(kind, ports)]
     heads = ("kind", "port", "format", "reset", "rounding", "overflow")

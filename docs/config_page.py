@@ -3,7 +3,7 @@ docs/boards/paper.toml.
 """
 
 from testbench.config import Nominal, Plant, provenance, scenario, sections
-from testbench.config.config_errors import choices_of, limits_of, plain, unit_of
+from testbench.config.config_errors import field_choices, limit_text, number_limits, unit_suffix
 from testbench.config.toml_text import toml_value
 from testbench.design.target import Target
 
@@ -22,10 +22,10 @@ def markdown_table():
         for key, info in model.model_fields.items():
             if model is Nominal and key in Plant.model_fields:
                 continue
-            lo, hi = limits_of(info)
-            limits = f"{plain(lo)} .. {plain(hi)}" if hi is not None else ""
-            limits = " or ".join(toml_value(choice) for choice in choices_of(info)) or limits
-            row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{unit_of(info)} |"
+            lo, hi = number_limits(info)
+            limits = f"{limit_text(lo)} .. {limit_text(hi)}" if hi is not None else ""
+            limits = " or ".join(toml_value(choice) for choice in field_choices(info)) or limits
+            row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{unit_suffix(info)} |"
             row += f" {known[key].kind} |" if known else ""
             why = f"; {known[key].text}" if section == "firmware" else ""
             lines.append(row + f" {info.description}{why} |" * described)
@@ -37,10 +37,10 @@ def target_table():
     """The table of keys of a target for docs/design_of_loops.md."""
     lines = ["| key | default | limits | unit | meaning |", "|---|---|---|---|---|"]
     for key, info in Target.model_fields.items():
-        lo, hi = limits_of(info)
-        limits = f"{plain(lo)} .. {plain(hi)}" if hi is not None else ""
+        lo, hi = number_limits(info)
+        limits = f"{limit_text(lo)} .. {limit_text(hi)}" if hi is not None else ""
         default = "" if info.default is None else f"`{toml_value(info.default)}`"
-        lines.append(f"| `{key}` | {default} | {limits} |{unit_of(info)} | {info.description} |")
+        lines.append(f"| `{key}` | {default} | {limits} |{unit_suffix(info)} | {info.description} |")
     return "\n".join(lines)
 
 

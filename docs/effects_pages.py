@@ -22,7 +22,7 @@ from testbench import config  # noqa: E402
 from testbench.console.markdown import replaced  # noqa: E402
 from testbench.measured.closed_loop import loop_runs  # noqa: E402
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run  # noqa: E402
-from testbench.measured.closed_loop.loop_tangents import even  # noqa: E402
+from testbench.measured.closed_loop.loop_tangents import use_uniform_references  # noqa: E402
 from testbench.measured.record.plan import Condition  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
@@ -74,7 +74,9 @@ def measure_table(names, bench=None):
             on = config.changed(base, {f"effects.{name}": effect.EXAMPLE})
             # slips of re-timed edges are other ones with an effect: several ppm in one dwell
             jobs += [
-                (name, Run(Model(even(c)), k, SEED, base, smooth=True)) for c in (base, on) for k in conditions(temp)
+                (name, Run(Model(use_uniform_references(c)), k, SEED, base, smooth=True))
+                for c in (base, on)
+                for k in conditions(temp)
             ]
     found = bench.run([run for _, run in jobs], FAST)
     for i in range(0, len(jobs), 4):

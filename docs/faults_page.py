@@ -21,8 +21,8 @@ from fpga_model.rates import FRAME_HZ, TICK_HZ  # noqa: E402
 from testbench.config import Config, changed  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
 from testbench.console.table import Table  # noqa: E402
-from testbench.run import resting, simulate  # noqa: E402
-from testbench.run.doubts import Doubts  # noqa: E402
+from testbench.run import repeated_code_probability, simulate  # noqa: E402
+from testbench.run.anomaly_warnings import AnomalyDetector  # noqa: E402
 from testbench.run.simulation import DEG, FRAME, Simulation  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 from tests.testbench.run import fault_table  # noqa: E402
@@ -77,7 +77,7 @@ def quiet_hours(board, hours, rate_dps=100.0):
     sim.keep_codes = sim.keep_rows = False
     if simulate.start(config, sim, rate_dps * DEG, fault_table.TEMP_DEGC) is None:
         raise RuntimeError(f"faults page: board {board} does not lock")
-    alarms, doubts = Alarms(), Doubts()
+    alarms, doubts = Alarms(), AnomalyDetector()
     doubts.active, sim.engine = True, engine
     sim.sinks = [alarms, doubts]
     sim.advance(round(hours * 3600 * TICK_HZ), rate_dps * DEG, fault_table.TEMP_DEGC)
@@ -90,7 +90,11 @@ def hours_part(hours):
     for board in (fault_table.ANALOG, fault_table.DIGITAL):
         alarms, warnings = quiet_hours(board, hours)
         config = changed(Config(), {"firmware.board": board})
-        chance = resting.adc_alarm(config) if board == fault_table.ANALOG else resting.sar_alarm(config)
+        chance = (
+            repeated_code_probability.adc_alarm(config)
+            if board == fault_table.ANALOG
+            else repeated_code_probability.sar_alarm(config)
+        )
         expected = chance * hours * 3600 * FRAME_HZ
         raised = ", ".join(name for k, name in enumerate(fault_monitor.NAMES) if alarms.flags >> k & 1) or "none"
         counts = f"{hours:g}", str(alarms.frames), str(alarms.flagged), raised, str(alarms.bad), str(len(warnings))

@@ -35,10 +35,10 @@ PARTS = {
     "summary": summary_part,
     "classes": _part(page.classes_table),
     "changes": _part(page.changes_table),
-    "held_changes": _part(page.held_changes_table, page.sign_table),
+    "held_changes": _part(page.holdout_changes_table, page.sign_table),
     "decide": _part(page.measurements_table),
     "choices": _part(page.choices_table, page.modes_table),
     "numbers": _part(page.numbers_table),
     "rows": _part(page.rows_table),
-    "held": _part(page.held_out_table),
+    "held": _part(page.holdout_table),
 }

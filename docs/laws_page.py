@@ -25,7 +25,7 @@ from testbench.judge import numbers
 from testbench.paper.calibration import boards
 from testbench.paper.loop import derived, temperature_tables
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run.budget import NODES, budget
 
 TEMPS = temperature_tables.TEMPS_DEGC
@@ -57,7 +57,7 @@ SUMS = (("one density", 0), ("resistors", 1), ("amplifier current", 4), ("ring",
 def paper(symbol):
     """(values, standard uncertainties) of a mean over cases 1 to 3 at the three temperatures."""
     rows = numbers.numbers()
-    found = [numbers.mean_of(rows, symbol, temp) for temp in TEMPS]
+    found = [numbers.case_mean(rows, symbol, temp) for temp in TEMPS]
     return np.array([n.values[0] for n in found]), np.array([n.sigma for n in found])
 
 
@@ -217,7 +217,7 @@ def bias_columns():
         config = changed(Config(), none | values)
         found = []
         for temp in TEMPS:
-            p = parts(config, temp)
+            p = loop_parameters(config, temp)
             found.append(sum(derived.bias_parts_dps(p, lp.close(p)).values()))
         out[name] = np.array(found), text, unit, suffix
     return out
@@ -263,7 +263,7 @@ def bias_part():
 @functools.cache
 def _phases(items):
     config = changed(Config(), dict(items))
-    budgets = [budget(config, temp, thermal.at_temperature(config.device(), temp).fx_hz) for temp in TEMPS]
+    budgets = [budget(config, temp, thermal.device_at_temperature(config.device(), temp).fx_hz) for temp in TEMPS]
     return {node: [b.node_deg()[node] for b in budgets] for node in NODES}
 
 

@@ -15,8 +15,8 @@ sys.path.insert(0, str(ROOT))
 
 from testbench.console.markdown import markdown, replaced  # noqa: E402
 from testbench.console.table import Table  # noqa: E402
-from testbench.measured.exam.part_page import above, number  # noqa: E402
-from testbench.measured.sets_report import rest_words  # noqa: E402
+from testbench.measured.exam.part_page import is_unexplained, number  # noqa: E402
+from testbench.measured.sets_report import residual_words  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
 KEPT = ROOT / "docs" / "measured_parts.json"
@@ -35,7 +35,11 @@ def summary(data):
                 "verdict": job["verdict"],
                 "effects": [{k: _short(e[k]) for k in EFFECT if k in e} for e in job["effects"]],
                 "heldout": {p: {k: _short(h[k]) for k in HELD if k in h} for p, h in job["heldout"].items()},
-                "rest": {part: rest_words(job, part) for part, h in job["heldout"].items() if above(h) or _tested(job)},
+                "rest": {
+                    part: residual_words(job, part)
+                    for part, h in job["heldout"].items()
+                    if is_unexplained(h) or _tested(job)
+                },
             }
             for job in found["jobs"]
         ]

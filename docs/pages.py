@@ -41,7 +41,7 @@ from fpga_model import registers  # noqa: E402
 from testbench import config  # noqa: E402
 from testbench.config import Config  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
-from testbench.console.table import Table, fixed  # noqa: E402
+from testbench.console.table import Table, fixed_digits  # noqa: E402
 from testbench.judge import judge, phases  # noqa: E402
 from testbench.judge.verdict import NOT_COMPUTED  # noqa: E402
 from testbench.paper import closed_form, judge_table, simulated  # noqa: E402
@@ -76,7 +76,7 @@ def budget_summary(planned, plain):
         gap_deg = node[name] - PAPER_DEG[name]
         gap_ns = gap_deg / 360 / planned.frequency_hz * 1e9
         values = (node[name], ns, loop.get(name), without[name], PAPER_DEG[name])
-        cells = (fixed(value, digits) for value, digits in zip(values, (4, 1, 4, 4, 4)))
+        cells = (fixed_digits(value, digits) for value, digits in zip(values, (4, 1, 4, 4, 4)))
         rows.append((name, *cells, f"{gap_deg:+.4f} ({gap_ns:+.0f} ns)", beside[name]["verdict"]))
     heads = ("phase", "node deg", "ns", "loop deg", "without the assumptions deg", "paper deg", "node less paper",
              "verdict")  # fmt: skip
@@ -129,9 +129,15 @@ def rivals_part():
         deg = planned.node_deg()
         gaps_ns = [(deg[n] - PAPER_DEG[n]) / 360 / planned.frequency_hz * 1e9 for n in ("xe1", "ye1")]
         rows.append(
-            (text, fixed(deg["xe1"], 4), f"{gaps_ns[0]:+.0f} ns", fixed(deg["ye1"], 4), f"{gaps_ns[1]:+.0f} ns")
+            (
+                text,
+                fixed_digits(deg["xe1"], 4),
+                f"{gaps_ns[0]:+.0f} ns",
+                fixed_digits(deg["ye1"], 4),
+                f"{gaps_ns[1]:+.0f} ns",
+            )
         )
-    rows.append(("the paper", fixed(PAPER_DEG["xe1"], 4), "", fixed(PAPER_DEG["ye1"], 4), ""))
+    rows.append(("the paper", fixed_digits(PAPER_DEG["xe1"], 4), "", fixed_digits(PAPER_DEG["ye1"], 4), ""))
     heads = ("hardware", "xe1 deg", "less paper", "ye1 deg", "less paper")
     return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{tables.FITTED}"
 

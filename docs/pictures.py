@@ -28,7 +28,7 @@ from testbench.golden.bundles import bundle, export  # noqa: E402
 from testbench.golden.check import compare, rtl_run  # noqa: E402
 from testbench.golden.stimulus import blocks  # noqa: E402
 from testbench.paper.loop import advisor, loop_pictures  # noqa: E402
-from testbench.paper.loop.parts import parts  # noqa: E402
+from testbench.paper.loop.loop_parameters import loop_parameters  # noqa: E402
 from testbench.run import budget  # noqa: E402
 from testbench.tracing.trace import Options, Tracer  # noqa: E402
 from tests.testbench.tracing import toys  # noqa: E402
@@ -66,7 +66,7 @@ def grouped(rows):
 def phase_budget():
     """Stacked bars: delays to the right of zero, what the reference's own path takes off to the left."""
     planned = budget.budget(config.Config())
-    figure, axes = report.axes_of("Where the four phase lags come from", 4.4)
+    figure, axes = report.make_axes("Where the four phase lags come from", 4.4)
     axis = axes[0, 0]
     for place, (name, rows) in enumerate(planned.rows.items()):
         right = 0.0
@@ -175,7 +175,7 @@ def clipped(corners):
 
 def block_diagram():
     """The closed loop, drawn from `BOXES` and `EDGES`."""
-    figure, axes = report.axes_of("The closed loop: firmware left, plant right", 7.0)
+    figure, axes = report.make_axes("The closed loop: firmware left, plant right", 7.0)
     axis = axes[0, 0]
     axis.axis("off")
     for left, right, colour, name in (
@@ -225,7 +225,7 @@ def divergence(before=7, after=24):
     """Register y of model and design around the first row that differs, and their difference."""
     with tempfile.TemporaryDirectory() as folder:
         golden, columns = without_rounding(Path(folder))
-    found = compare.against(golden, columns)
+    found = compare.compare_bundle(golden, columns)
     assert found.divergence.port == "y"
     first = found.divergence.cycle
     place = [port["name"] for port in golden.manifest["registers"]].index("y")
@@ -234,7 +234,7 @@ def divergence(before=7, after=24):
     title = (
         f"pi/rate, register y: the first divergence is at row {first} ({found.diagnosis[0].text().partition(' (')[0]})"
     )
-    figure, axes = report.axes_of(title, 6.6, 2, sharex=True, height_ratios=(3, 2))
+    figure, axes = report.make_axes(title, 6.6, 2, sharex=True, height_ratios=(3, 2))
     top, bottom = axes[:, 0]
     top.step(rows, expected, where="mid", color=report.BLUE, linewidth=2.4, label="expected: model")
     top.step(rows, got, where="mid", color=report.VERMILION, linestyle="--", linewidth=1.8, label="got: faulty Verilog")
@@ -269,14 +269,14 @@ def trace():
     problem = tracer.problem
     held = [k for k, segment in enumerate(problem.segments) if segment.role == "validate"]
     name = f"{effect['law']} {effect['value']:.3f} +- {effect['sd']:.3f} {effect['unit']}"
-    figure, axes = report.axes_of("Residual of the frequency on held-out data", 5.2, 1, 2, sharey=True)
+    figure, axes = report.make_axes("Residual of the frequency on held-out data", 5.2, 1, 2, sharey=True)
     for axis, (label, title) in zip(axes[0], (("before", "before: no effect"), ("after", f"after: {name}"))):
         fit = tracer.fits[label]
         (predicted,) = problem.predict([(fit.point.theta, fit.model.effects(fit.point))], held)
         seen = {}
         for k, features in zip(held, predicted):
             rows = problem.segments[k].observables[0].rows
-            seen.setdefault(problem.segments[k].group, []).append((problem.measured(k) - features)[rows])
+            seen.setdefault(problem.segments[k].group, []).append((problem.segment_features(k) - features)[rows])
         for n, (group, repeats) in enumerate(seen.items()):
             amplitude = problem.segments[next(k for k in held if problem.segments[k].group == group)].condition["A"]
             axis.plot(
@@ -287,7 +287,7 @@ def trace():
                 linestyle=report.STYLES[n],
                 label=f"amplitude {amplitude:g}, mean of {len(repeats)}",
             )
-        floor = problem.floor(held[0])["f"] / np.sqrt(len(repeats))
+        floor = problem.repeatability_rms(held[0])["f"] / np.sqrt(len(repeats))
         axis.axhspan(-2 * floor, 2 * floor, color="#eeeeee", zorder=0, label="2 sigma of the noise")
         rms = result.heldout["f"][label]
         axis.set_title(f"{title}\nrms of single repeats {rms:.3f} Hz", fontsize=report.FONT["label"], loc="left")
@@ -301,7 +301,7 @@ def trace():
 
 def loop_margins():
     """The Bode plot of `gyro loop --report` at the default configuration."""
-    planned = parts(config.Config())
+    planned = loop_parameters(config.Config())
     return loop_pictures.bode(planned, advisor.analyse(planned))
 
 

@@ -68,7 +68,7 @@ def netlists_table(netlists):
 
 def write_scores(out):
     """Take over the files of a folder that are there, and write both tables; returns the exit code."""
-    out, known = Path(out) / "golden", scores.known_scores()
+    out, known = Path(out) / "golden", scores.stored_scores()
     names = {"mutation": scores.MUTATION, "times": scores.TIMES}
     fresh = {key: json.loads((out / name).read_text()) for key, name in names.items() if (out / name).is_file()}
     if not fresh:

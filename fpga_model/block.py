@@ -20,14 +20,14 @@ from typing import NamedTuple, get_type_hints
 
 import fpga_model
 from fpga_model.design_record import DEFAULT, Design
-from fpga_model.fixed import Fmt, at, bits, formats
+from fpga_model.fixed import Fmt, bits, design_width, formats
 from fpga_model.jit import kernel
 
 BIT = bits(1)
 NOTHING = MappingProxyType({})
 
 
-def of_design(value, design):
+def design_value(value, design):
     """A value, or what a function of the design makes of it."""
     return value(design) if callable(value) else value
 
@@ -39,9 +39,9 @@ class Rom(NamedTuple):
     width: int
     words: object
 
-    def at(self, design):
+    def for_design(self, design):
         """The table of a design, in plain numbers."""
-        return Rom(self.name, int(at(self.width, design)), tuple(map(int, of_design(self.words, design))))
+        return Rom(self.name, int(design_width(self.width, design)), tuple(map(int, design_value(self.words, design))))
 
 
 class Block(NamedTuple):
@@ -98,7 +98,7 @@ class Cast(NamedTuple):
 
 
 @functools.cache
-def declared():
+def block_modules():
     """{stem: module} of the blocks, by their place."""
     names = sorted(info.name for info in pkgutil.iter_modules(fpga_model.__path__))
     modules = [importlib.import_module(f"fpga_model.{name}") for name in names]
@@ -128,35 +128,37 @@ def leaves(record, path=""):
         yield from leaves(item, f"{path}.{name}" if path else name)
 
 
-def later(shape, path=""):
+def parameter_defaults(shape, path=""):
     """{dotted name: default} of the parameters of a shape of formats that have a default: those that came later."""
-    found = {}
+    defaults = {}
     for name, item in _items(shape):
-        place = f"{path}.{name}" if path else name
+        dotted = f"{path}.{name}" if path else name
         if isinstance(item, Fmt):
-            own = getattr(type(shape), "_field_defaults", NOTHING)
-            found |= {place: own[name]} if name in own else {}
+            field_defaults = getattr(type(shape), "_field_defaults", NOTHING)
+            defaults |= {dotted: field_defaults[name]} if name in field_defaults else {}
         elif item:
-            found |= later(item, place)
-    return found
+            defaults |= parameter_defaults(item, dotted)
+    return defaults
 
 
-def told(params, shape):
+def flattened_parameters(params, shape):
     """(dotted name, value, format) of parameters, without those that came later and have their default."""
-    formats_of, defaults = dict(leaves(shape)), later(shape)
+    formats_of, defaults = dict(leaves(shape)), parameter_defaults(shape)
     return [(name, int(v), formats_of[name]) for name, v in leaves(params) if defaults.get(name) != v]
 
 
-def asked(shape, given):
+def required_parameters(shape, present_keys):
     """[(flat name, format)] of what a file must name: what it has `given`, and all but what came later."""
-    added = later(shape)
-    return [(flat(name), fmt) for name, fmt in leaves(shape) if flat(name) in given or name not in added]
+    added = parameter_defaults(shape)
+    return [
+        (port_name(name), fmt) for name, fmt in leaves(shape) if port_name(name) in present_keys or name not in added
+    ]
 
 
-def raws(shape, given):
+def raws(shape, raw_values):
     """Raw values in the order of a shape from {flat name: raw}; what came later and is not given has its default."""
-    known = {flat(name): value for name, value in later(shape).items()} | given
-    return [known[flat(name)] for name, _ in leaves(shape)]
+    by_name = {port_name(name): value for name, value in parameter_defaults(shape).items()} | raw_values
+    return [by_name[port_name(name)] for name, _ in leaves(shape)]
 
 
 def filled(shape, take):
@@ -169,40 +171,40 @@ def filled(shape, take):
     return take(shape)
 
 
-def flat(name):
+def port_name(name):
     """Name of a port from a dotted name."""
     return name.replace(".", "_")
 
 
-def at_design(shape, design):
+def design_formats(shape, design):
     """The formats of a shape at a design; a record is named by its type."""
     if isinstance(shape, type):
         return formats(shape, design)
-    return filled(shape, lambda fmt: fmt.at(design))
+    return filled(shape, lambda fmt: fmt.for_design(design))
 
 
 def reset(state, params):
     """A reset state with the optional parts `Record | None` that the parameters have."""
-    found = {}
-    for name, module in parts_of(type(state)).items():
-        own = getattr(params, name, None)
-        if own is not None and hasattr(own, "_fields"):
+    parts = {}
+    for name, module in state_modules(type(state)).items():
+        part_params = getattr(params, name, None)
+        if part_params is not None and hasattr(part_params, "_fields"):
             part = getattr(state, name)
-            found[name] = reset(module.State() if part is None else part, own)
-    return state._replace(**found)
+            parts[name] = reset(module.State() if part is None else part, part_params)
+    return state._replace(**parts)
 
 
 # ---- ports -----------------------------------------------------------------------------------------------------------
 
 
-def python_of(function):
+def python_function(function):
     """The Python function behind a compiled one."""
     return getattr(function, "py_func", function)
 
 
 def arguments(module):
     """Names of the arguments of `step`."""
-    return list(inspect.signature(python_of(module.step)).parameters)
+    return list(inspect.signature(python_function(module.step)).parameters)
 
 
 def structure(module, design=DEFAULT):
@@ -215,14 +217,14 @@ def structure(module, design=DEFAULT):
 def shapes(module, design=DEFAULT):
     """{argument: formats} of what a row of inputs is made of, in order; `p` if the parameters are inputs."""
     found = {"p": formats(module.Params, design)} if module.BLOCK.runtime_params else {}
-    return found | {name: at_design(shape, design) for name, shape in module.BLOCK.inputs.items()}
+    return found | {name: design_formats(shape, design) for name, shape in module.BLOCK.inputs.items()}
 
 
 def parameters(module, design=DEFAULT):
     """{flat name: format} of the parameters of the RTL."""
     if module.BLOCK.runtime_params or not hasattr(module, "Params"):
         return {}
-    return {flat(path): fmt for path, fmt in leaves(formats(module.Params, design))}
+    return {port_name(path): fmt for path, fmt in leaves(formats(module.Params, design))}
 
 
 def inputs(module, design=DEFAULT):
@@ -230,7 +232,7 @@ def inputs(module, design=DEFAULT):
     given, found = parameters(module, design), []
     for name, shape in shapes(module, design).items():
         prefix = "" if name == "p" else f"i_{name}" if name in given else name
-        found += [(flat(path), fmt) for path, fmt in leaves(shape, prefix)]
+        found += [(port_name(path), fmt) for path, fmt in leaves(shape, prefix)]
     return found
 
 
@@ -239,11 +241,11 @@ def pins(module, design=DEFAULT):
     found = []
     for name, shape in module.BLOCK.outputs.items():
         prefix = "" if isinstance(shape, type) else name
-        found += [(flat(path), fmt) for path, fmt in leaves(at_design(shape, design), prefix)]
+        found += [(port_name(path), fmt) for path, fmt in leaves(design_formats(shape, design), prefix)]
     return found
 
 
-def parts_of(state):
+def state_modules(state):
     """{field: module} of the states of other modules in a state."""
     hints = get_type_hints(state) if hasattr(state, "_fields") else {}
     kinds = {name: kind for name, kind in hints.items() if isinstance(kind, type)}
@@ -254,7 +256,7 @@ def parts_of(state):
 def inherited(module, get):
     """{prefix: value of `get`} of a block and of those within it that declare themselves."""
     found = {"": get(module.BLOCK)}
-    for field, part in parts_of(module.State).items():
+    for field, part in state_modules(module.State).items():
         found |= {f"{field}_{prefix}": value for prefix, value in inherited(part, get).items()}
     return found
 
@@ -268,11 +270,11 @@ def rules(module):
 def cases(module, design=DEFAULT):
     """{name: Params, or None where there are none}."""
     if module.BLOCK.cases is not None:
-        return of_design(module.BLOCK.cases, design)
+        return design_value(module.BLOCK.cases, design)
     return {"default": module.design() if parameters(module) else None}
 
 
-class _Noted:
+class _KeyTracker:
     """The default design, which notes the keys that are read."""
 
     def __init__(self):
@@ -283,7 +285,7 @@ class _Noted:
         return getattr(DEFAULT, name)
 
 
-def at_reset(module, design=DEFAULT):
+def reset_registers(module, design=DEFAULT):
     """The registers of a block of a design at power-on."""
     return module.reset(design) if hasattr(module, "reset") else module.State()
 
@@ -291,14 +293,14 @@ def at_reset(module, design=DEFAULT):
 @functools.cache
 def keys(module):
     """The keys of the design that formats, reset values, tables and latency depend on: parameters of a block's RTL."""
-    noted = _Noted()
-    for of in (parameters, inputs, pins, at_reset):
-        of(module, noted)
-    formats(module.State, noted)
-    of_design(module.BLOCK.latency, noted)
+    tracker = _KeyTracker()
+    for derive in (parameters, inputs, pins, reset_registers):
+        derive(module, tracker)
+    formats(module.State, tracker)
+    design_value(module.BLOCK.latency, tracker)
     for rom in module.BLOCK.roms:
-        rom.at(noted)
-    return tuple(key for key in Design._fields if key in noted.read)
+        rom.for_design(tracker)
+    return tuple(key for key in Design._fields if key in tracker.read)
 
 
 # ---- runners ---------------------------------------------------------------------------------------------------------
@@ -332,17 +334,17 @@ def runner_text(module):
     Row n: _regs[n], _pins[n] before edge n; then the edge, or reset if stim[n, 0] = 1.
     """
     column = itertools.count(1)
-    given = {name: name for name in ("d", "rom", "p", "s")} | {
+    sources = {name: name for name in ("d", "rom", "p", "s")} | {
         name: _text(shape, column) for name, shape in shapes(module).items()
     }
     lines = [f"_regs[n, {k}] = {text}" for k, text in enumerate(_paths(module.State(), "s"))]
     number = itertools.count()
     for name, shape in module.BLOCK.outputs.items():
-        names = inspect.signature(python_of(getattr(module, name))).parameters
-        call = f"{name}({', '.join(given[k] for k in names)})"
+        names = inspect.signature(python_function(getattr(module, name))).parameters
+        call = f"{name}({', '.join(sources[k] for k in names)})"
         fields = [""] if isinstance(shape, Fmt) else [f".{field}" for field in shape._fields]
         lines += [f"_pins[n, {next(number)}] = {call}{field}" for field in fields]
-    call = f"step({', '.join(given[name] for name in arguments(module))})"
+    call = f"step({', '.join(sources[name] for name in arguments(module))})"
     lines.append(f"s = reset if r[0] == 1 else {call}")
     head = "def run(d, rom, p, s, stim, _regs, _pins):\n    reset = s\n"
     loop = "    for n in range(stim.shape[0]):\n        r = stim[n]\n"
@@ -355,7 +357,7 @@ def runner(stem):
 
     It counts as a function of the block's own file, so its machine code is cached with what it is made from.
     """
-    module = declared()[stem]
+    module = block_modules()[stem]
     names = dict(vars(module))
     exec(compile(runner_text(module), module.__file__, "exec"), names)
     return kernel(names["run"])

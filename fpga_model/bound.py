@@ -16,13 +16,13 @@ LIBRARIES = sys.stdlib_module_names | {"numpy", "numba", "llvmlite", "_pytest"}
 _codes, _read, _compiled = {}, {}, {}
 
 
-def _of_code(code):
+def _digest_code(code):
     """(digest of the instructions, names that they use), those of functions inside included."""
     if code not in _codes:
         names, digest = set(code.co_names), hashlib.sha256(code.co_code)
         for item in code.co_consts:
             if isinstance(item, CodeType):
-                inside, more = _of_code(item)
+                inside, more = _digest_code(item)
                 names |= more
                 digest.update(inside.encode())
             else:
@@ -32,18 +32,18 @@ def _of_code(code):
     return _codes[code]
 
 
-def _values(place, value, names):
+def _values(path, value, names):
     """(place, value) behind a name; behind that of a module of ours, what of it has one of the other names."""
     if not isinstance(value, ModuleType):
-        yield place, value
+        yield path, value
     elif value.__name__.partition(".")[0] not in LIBRARIES:
         for name in sorted(names & vars(value).keys()):
-            yield from _values(f"{place}.{name}", vars(value)[name], names - {name})
+            yield from _values(f"{path}.{name}", vars(value)[name], names - {name})
 
 
 def _bound(function):
     """[(place, value)] of all that the code of a function names."""
-    names, known = _of_code(function.__code__)[1], function.__globals__
+    names, known = _digest_code(function.__code__)[1], function.__globals__
     found = [("", cell.cell_contents) for cell in function.__closure__ or ()]
     for name in sorted(names & known.keys()):
         found += _values(name, known[name], names)
@@ -65,28 +65,28 @@ def _describe(value, functions):
     return f"{type(value).__qualname__} {getattr(value, '__qualname__', '')}"
 
 
-def _own(function):
+def _digest_function(function):
     """(text, functions) of a function without what those do; read again only if a name is bound to another object."""
-    found = _bound(function)
-    ids = [id(value) for _, value in found]
+    bindings = _bound(function)
+    ids = [id(value) for _, value in bindings]
     if function not in _read or _read[function][0] != ids:
         functions = []
-        lines = [f"{place} = {_describe(value, functions)}" for place, value in found]
-        lines += [_describe(function.__defaults__, functions), _of_code(function.__code__)[0]]
+        lines = [f"{path} = {_describe(value, functions)}" for path, value in bindings]
+        lines += [_describe(function.__defaults__, functions), _digest_code(function.__code__)[0]]
         text = hashlib.sha256("\n".join(lines).encode()).hexdigest()
-        _read[function] = ids, found, f"{function.__module__}.{function.__qualname__} {text}", functions
+        _read[function] = ids, bindings, f"{function.__module__}.{function.__qualname__} {text}", functions
     return _read[function][2:]
 
 
 def _reached(function):
     """{function: (text, functions)} of a function and all that it reaches."""
-    found, ahead = {}, [function]
+    digests, ahead = {}, [function]
     while ahead:
         now = ahead.pop()
-        if now not in found:
-            found[now] = _own(now)
-            ahead += found[now][1]
-    return found
+        if now not in digests:
+            digests[now] = _digest_function(now)
+            ahead += digests[now][1]
+    return digests
 
 
 def digest(function):
@@ -103,4 +103,4 @@ def replaced():
     """Names of compiled functions in which a name stands for something else now: their machine code is outdated."""
     # another thread may compile meanwhile
     noted = tuple(_compiled.items())
-    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in noted if _own(f) != was)
+    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in noted if _digest_function(f) != was)

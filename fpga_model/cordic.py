@@ -30,10 +30,10 @@ from typing import NamedTuple
 
 from fpga_model.block import BIT, Block, Rom
 from fpga_model.design_record import DEFAULT, width
-from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, signed, wrap
+from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, signed_bits, wrap
 from fpga_model.jit import inlined
 
-INPUT = signed(24)
+INPUT = signed_bits(24)
 INPUT_LO, INPUT_HI = INPUT.lo, INPUT.hi
 GUARD = width("cordic_guard_bits")  # fraction bits of x and y, and bits of angle below the LSB of phase
 ITERATIONS = DEFAULT.cordic_iterations  # and clocks from load to finish, whatever the design

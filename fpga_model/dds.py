@@ -48,7 +48,7 @@ def word_of_hz(frequency_hz, d=DEFAULT):
     if not 0 <= frequency_hz < d.master_hz:
         raise ValueError(f"frequency_hz: {frequency_hz} Hz is not from 0 to below {d.master_hz} Hz")
     name = f"frequency_hz / {d.master_hz / 1e6:g} MHz (turns per clock)"
-    return quantize(Fraction(frequency_hz) / d.master_hz, PHASE.at(d), name)
+    return quantize(Fraction(frequency_hz) / d.master_hz, PHASE.for_design(d), name)
 
 
 def hz_of_word(word, d=DEFAULT):

@@ -27,16 +27,16 @@ from decimal import Decimal
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block
-from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed, sub_fmt
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed_bits, sub_fmt
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ, FRAME_TICKS
 
-SAMPLE = signed(18)
-ACC = signed(25)
+SAMPLE = signed_bits(18)
+ACC = signed_bits(25)
 POLE = Fmt(1, 24, 16)
 ALPHA = Fmt(0, 0, 20)
 GAIN = Fmt(0, 4, 17)
-CODE = signed(24)
+CODE = signed_bits(24)
 STILL = bits(12)
 STILL_TICKS = 4000
 MAX_DELAY = 4
@@ -138,7 +138,7 @@ def _pole(alpha, y, x):
 
 
 @inlined
-def _poles(alpha, y, x):
+def _step_poles(alpha, y, x):
     return (
         _pole(alpha, y[0], x[0]),
         _pole(alpha, y[1], x[1]),
@@ -158,10 +158,10 @@ def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
     line, acc, pole1, pole2, pole3, codes = s.refs, s.acc, s.pole1, s.pole2, s.pole3, s.codes
     stage, valid, last, still, ok = 0, 0, s.last, s.still, s.ok
     if s.stage == 1:
-        pole2 = _poles(p.alpha, s.pole2, s.pole1)
+        pole2 = _step_poles(p.alpha, s.pole2, s.pole1)
         stage = 2
     elif s.stage == 2:
-        pole3 = _poles(p.alpha, s.pole3, s.pole2)
+        pole3 = _step_poles(p.alpha, s.pole3, s.pole2)
         stage = 3
     elif s.stage == 3:
         y = s.pole3
@@ -179,7 +179,7 @@ def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
             a = s.acc
             total = (a[0] << POLE.f, a[1] << POLE.f, a[2] << POLE.f, a[3] << POLE.f)
             acc = x
-            pole1 = _poles(p.alpha, s.pole1, total)
+            pole1 = _step_poles(p.alpha, s.pole1, total)
             stage = 1
         else:
             acc = (_sum(s.acc[0], x[0]), _sum(s.acc[1], x[1]), _sum(s.acc[2], x[2]), _sum(s.acc[3], x[3]))

@@ -28,11 +28,11 @@ its codes: OVER_RANGE and STUCK start again.
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block
-from fpga_model.fixed import bits, clamp, formats, quantize, signed
+from fpga_model.fixed import bits, clamp, formats, quantize, signed_bits
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
-CODE = signed(24)
+CODE = signed_bits(24)
 COUNT = bits(12)
 LONG = bits(16)
 RANGE_LIMIT = 0x7FFF00
@@ -107,7 +107,7 @@ def _flag(count, limit, flag):
 
 
 @inlined
-def _at_range(code):
+def _exceeds_range(code):
     return 1 if code >= RANGE_LIMIT or code <= -RANGE_LIMIT else 0
 
 
@@ -123,16 +123,16 @@ def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, 
         return s
     if not armed:
         return State(codes, 0, 0, 0, 0, 0, 0, 0, 0, 0)
-    e = _at_range(codes[0]), _at_range(codes[1]), _at_range(codes[2]), _at_range(codes[3])
+    e = _exceeds_range(codes[0]), _exceeds_range(codes[1]), _exceeds_range(codes[2]), _exceeds_range(codes[3])
     first = _rests(codes[0], s.codes[0], e[0]) | _rests(codes[1], s.codes[1], e[1])
-    rest = first | _rests(codes[2], s.codes[2], e[2]) | _rests(codes[3], s.codes[3], e[3])
-    over = _count(s.over_range, fresh and (e[0] | e[1] | e[2] | e[3]), p.over_range)
-    stuck = _count(s.stuck, fresh and watch_stuck and rest, p.stuck)
+    still = first | _rests(codes[2], s.codes[2], e[2]) | _rests(codes[3], s.codes[3], e[3])
+    range_count = _count(s.over_range, fresh and (e[0] | e[1] | e[2] | e[3]), p.over_range)
+    stuck = _count(s.stuck, fresh and watch_stuck and still, p.stuck)
     drive_count = _count(s.drive, drive, p.drive)
     rate_count = _count(s.rate, rate, p.rate)
     rail_count = _count(s.rail, rail, p.rail)
     flags = (
-        _flag(over, p.over_range, OVER_RANGE)
+        _flag(range_count, p.over_range, OVER_RANGE)
         | _flag(stuck, p.stuck, STUCK)
         | _flag(drive_count, p.drive, DRIVE_SATURATED)
         | _flag(rate_count, p.rate, RATE_SATURATED)
@@ -143,7 +143,7 @@ def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, 
     bad = flags & BAD
     return State(
         codes=codes if fresh else s.codes,
-        over_range=over,
+        over_range=range_count,
         stuck=stuck,
         drive=drive_count,
         rate=rate_count,

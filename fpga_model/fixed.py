@@ -44,7 +44,7 @@ class Width(int):
         self.constant, self.terms = constant, {term: count for term, count in terms.items() if count}
         return self
 
-    def at(self, design):
+    def for_design(self, design):
         """The number at a design."""
         return int(self.constant + sum(count * term.rule(design) for term, count in self.terms.items()))
 
@@ -75,16 +75,18 @@ class Width(int):
 RULES = object()  # in place of a design: widths stay as they are
 
 
-def at(number, design):
+def design_width(number, design):
     """A width, or a plain number, at a design."""
-    return number.at(design) if isinstance(number, Width) else number
+    return number.for_design(design) if isinstance(number, Width) else number
 
 
 def most(*numbers):
     """The largest of some widths."""
     if any(isinstance(n, Width) for n in numbers):
         text = ", ".join(n.text if isinstance(n, Width) else str(n) for n in numbers)
-        return Width(0, {Term(f"max({text})", max(map(int, numbers)), lambda d: max(at(n, d) for n in numbers)): 1})
+        return Width(
+            0, {Term(f"max({text})", max(map(int, numbers)), lambda d: max(design_width(n, d) for n in numbers)): 1}
+        )
     return max(numbers)
 
 
@@ -116,12 +118,16 @@ class Fmt(NamedTuple):
     def holds(self, raw):
         return self.lo <= raw <= self.hi
 
-    def at(self, design):
+    def for_design(self, design):
         """The format at a design, in plain ints; None for the default one, `RULES` for widths that know their rule."""
-        return self if design is RULES else Fmt(*(int(bits) if design is None else at(bits, design) for bits in self))
+        return (
+            self
+            if design is RULES
+            else Fmt(*(int(bits) if design is None else design_width(bits, design) for bits in self))
+        )
 
 
-def formats(record, design=None, like=None):
+def formats(record, design=None, template=None):
     """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple.
 
     A part `Record | None` is None, unless a record `like` has it.
@@ -129,15 +135,15 @@ def formats(record, design=None, like=None):
     design  as in `Fmt.at`
     """
     hints = get_type_hints(record).items()
-    return record(*(_format(hint, design, getattr(like, name, None)) for name, hint in hints))
+    return record(*(_format(hint, design, getattr(template, name, None)) for name, hint in hints))
 
 
-def _format(hint, design, like):
+def _format(hint, design, template):
     if isinstance(hint, UnionType):
-        return None if like is None else formats(hint.__args__[0], design, like)
+        return None if template is None else formats(hint.__args__[0], design, template)
     if isinstance(hint, type):
-        return formats(hint, design, like)
-    return tuple(fmt.at(design) for fmt in hint) if isinstance(hint, list) else hint.at(design)
+        return formats(hint, design, template)
+    return tuple(fmt.for_design(design) for fmt in hint) if isinstance(hint, list) else hint.for_design(design)
 
 
 def bits(n):
@@ -145,7 +151,7 @@ def bits(n):
     return Fmt(0, n, 0)
 
 
-def signed(n):
+def signed_bits(n):
     """Format of a signed integer of `n` bits in all."""
     return Fmt(1, n - 1, 0)
 

@@ -71,8 +71,8 @@ def step(p, s, f, i):
     address, fetch = slave.address, spi_slave.fetch(slave)
     word = host_words.read(bus, slave.errors, f, address, fetch)
     status, rdata = host_bus.bus_status(bus, seq.faults.flags, seq.state), host_bus.rdata(bus, address, word)
-    start, done, write, data = spi_slave.start(slave), slave.done, slave.write, slave.data
+    start, read_complete, write, data = spi_slave.start(slave), slave.done, slave.write, slave.data
     return State(
         spi_slave.step(slave, i.cs_n, i.sck, i.sdi, status, rdata, bus.clear),
-        host_words.bus_step(p.bus, bus, f, address, fetch, start, done, write, data, word),
+        host_words.bus_step(p.bus, bus, f, address, fetch, start, read_complete, write, data, word),
     )

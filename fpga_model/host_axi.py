@@ -76,8 +76,8 @@ def step(p, s, f, i):
     address, fetch = axi_slave.address(slave), axi_slave.fetch(slave)
     word = host_words.read(bus, NO_ERRORS, f, address, fetch)
     channels = i.awvalid, i.awaddr, i.wvalid, i.wdata, i.wstrb, i.bready, i.arvalid, i.araddr, i.rready
-    done, write, data = axi_slave.done(slave, i.rready), axi_slave.write(slave), slave.wdata
+    read_complete, write, data = axi_slave.done(slave, i.rready), axi_slave.write(slave), slave.wdata
     return State(
         axi_slave.step(slave, *channels, host_bus.rdata(bus, address, word)),
-        host_words.bus_step(p.bus, bus, f, address, fetch, NO_START, done, write, data, word),
+        host_words.bus_step(p.bus, bus, f, address, fetch, NO_START, read_complete, write, data, word),
     )

@@ -89,7 +89,7 @@ def _rows():
 MAP = tuple(_rows())
 
 
-def held_fields():
+def sample_status_fields():
     """{field: (lowest bit, bits)} of SAMPLE_STATUS."""
     names = ("FLAGS", "STATE", "LOCK", "K", "NEW", "OVERRUN")
     places = (0, STATE_AT, LOCK_AT, K_AT, STATUS.width, STATUS.width + 1, HELD.width)
@@ -198,12 +198,12 @@ def step(p, s, address, fetch, start, done, write, data, value, frame, valid, ra
     sample = 1 if frame == 1 and (s.fresh == 1 or valid == 1) else 0
     take = 1 if fetch == 1 and address == SAMPLE_RATE else 0
     after = 0 if take == 1 else s.unread_after
-    left = s.unread_after if done == 1 and s.reading == 1 else s.unread
-    told = s.status
+    unread = s.unread_after if done == 1 and s.reading == 1 else s.unread
+    sample_status = s.status
     if s.unread != 0:
-        told = told | NEW
+        sample_status = sample_status | NEW
     if s.unread == MANY:
-        told = told | OVERRUN
+        sample_status = sample_status | OVERRUN
     return State(
         high,
         high_of,
@@ -221,9 +221,9 @@ def step(p, s, address, fetch, start, done, write, data, value, frame, valid, ra
         flags | (state << STATE_AT) | (lock << LOCK_AT) | (k << K_AT) if sample == 1 else s.status,
         s.frames if sample == 1 else s.number,
         s.temperature if take == 1 else s.held_temperature,
-        told if take == 1 else s.held_status,
+        sample_status if take == 1 else s.held_status,
         s.number if take == 1 else s.held_number,
-        left + sample if left + sample < MANY else MANY,
+        unread + sample if unread + sample < MANY else MANY,
         after + sample if after + sample < MANY else MANY,
         1 if take == 1 else (0 if start == 1 or done == 1 else s.reading),
     )

@@ -16,7 +16,7 @@ def paths():
 
 
 @inlined
-def _of_bank(b, latch, register):
+def _bank_word(b, latch, register):
     """Word of a register of the bank."""
     words = (
         b.control,
@@ -42,7 +42,7 @@ def _of_bank(b, latch, register):
 
 
 @inlined
-def _of_firmware(f, register):
+def _firmware_word(f, register):
     """Word of a register that can be read only."""
     c = f.control
     words = (
@@ -60,12 +60,12 @@ def _of_firmware(f, register):
         c.rate_output.y & host_bus.WORD_MASK,
         c.rate_output.t & LOW_16,
     )
-    at = register - registers.FIRST_READ_ONLY
-    return words[at] if at < len(words) else 0
+    index = register - registers.FIRST_READ_ONLY
+    return words[index] if index < len(words) else 0
 
 
 @inlined
-def _of_port(b, errors, register):
+def _port_word(b, errors, register):
     """Word of a register of the port itself."""
     words = (
         b.rate & host_bus.WORD_MASK,
@@ -74,18 +74,18 @@ def _of_port(b, errors, register):
         b.held_number,
         errors,
     )
-    at = register - host_bus.FIRST
-    return words[at] if at < len(words) else 0
+    index = register - host_bus.FIRST
+    return words[index] if index < len(words) else 0
 
 
 @inlined
 def value(bus, errors, f, register):
     """Word of a register: of `bus` and `errors` of a port, or of the firmware `f` before the edge; 0 where none is."""
     if register < registers.FIRST_READ_ONLY:
-        return _of_bank(f.registers, f.control.sequencer.faults.latch, register)
+        return _bank_word(f.registers, f.control.sequencer.faults.latch, register)
     if register < host_bus.FIRST:
-        return _of_firmware(f, register)
-    return _of_port(bus, errors, register)
+        return _firmware_word(f, register)
+    return _port_word(bus, errors, register)
 
 
 @inlined
@@ -95,9 +95,9 @@ def read(bus, errors, f, address, fetch):
 
 
 @inlined
-def bus_step(p, bus, f, address, fetch, start, done, write, data, word):
+def bus_step(p, bus, f, address, fetch, start, read_complete, write, data, word):
     """One clock edge of the bus beside the firmware `f` before the edge; the other inputs are those of the slave."""
     seq, rate = f.control.sequencer, f.control.rate_output
     frame = 1 if f.rates.slot == rates.SLOTS else 0
     sample = rate.valid, rate.y, rate.t, rate.k, seq.faults.flags, seq.state, seq.lock.locked
-    return host_bus.step(p, bus, address, fetch, start, done, write, data, word, frame, *sample)
+    return host_bus.step(p, bus, address, fetch, start, read_complete, write, data, word, frame, *sample)

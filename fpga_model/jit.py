@@ -20,7 +20,7 @@ from fpga_model.kernel_cache import (  # noqa: F401  (for those who know of kern
     cache_folder,
     cache_root,
     is_cached,
-    sources_of,
+    kernel_sources,
 )
 
 if fpga_model.COMPILED:
@@ -28,7 +28,7 @@ if fpga_model.COMPILED:
     from numba.core.compiler_lock import global_compiler_lock
 
     from fpga_model import bound, linkage, replacing, shared_files  # noqa: F401  (for what one of them tells Numba)
-    from fpga_model.kernel_cache import KernelCache, arguments_of
+    from fpga_model.kernel_cache import KernelCache, argument_types
 
 CACHE = cache_folder(Path(__file__).resolve()) is not None
 
@@ -45,7 +45,7 @@ def _uncollected():
             gc.enable()
 
 
-def _unit(func, buried=False, **options):
+def _compile_unit(func, buried=False, **options):
     """A function with machine code of its own, from the cache where there is one.
 
     buried  has no wrapper for Python
@@ -61,12 +61,12 @@ def _unit(func, buried=False, **options):
     if cache is not None:
         dispatcher._cache = cache
     if buried:
-        _bury(dispatcher, _refused)
+        _bury(dispatcher, _reject_call)
     linkage.forget_constants(dispatcher)
     compile_or_load = dispatcher.compile
 
-    def compile_alone(signature):
-        arguments = arguments_of(signature)
+    def compile_locked(signature):
+        arguments = argument_types(signature)
         # Numba's own lock first: a thread that waits for it must not keep a file from the one that has it
         with global_compiler_lock:
             if arguments in dispatcher.overloads:
@@ -76,8 +76,8 @@ def _unit(func, buried=False, **options):
             else:
                 # nothing calls itself, so none waits in a ring
                 compiles = f"compiles {func.__module__}.{func.__qualname__}"
-                alone = shared_files.wait_for_lock(cache.lock, compiles) if cache else contextlib.nullcontext()
-                with alone, _uncollected():
+                file_lock = shared_files.wait_for_lock(cache.lock, compiles) if cache else contextlib.nullcontext()
+                with file_lock, _uncollected():
                     if cache is not None:
                         cache.read(signature)
                     entry = compile_or_load(signature)
@@ -85,7 +85,7 @@ def _unit(func, buried=False, **options):
             bound.compiled(func)
             return entry
 
-    dispatcher.compile = compile_alone
+    dispatcher.compile = compile_locked
     return dispatcher
 
 
@@ -103,7 +103,7 @@ def _bury(dispatcher, called):
 
 def kernel(func):
     """Compile in nopython mode: no fastmath, no threads, IEEE doubles and int64 only."""
-    return _unit(func)
+    return _compile_unit(func)
 
 
 def hot(func):
@@ -112,10 +112,10 @@ def hot(func):
     Such a function cannot allocate and must not return an array; it works in what it is given. It runs without the
     interpreter's lock, so threads that work in arrays of their own run at once.
     """
-    return _unit(func, nogil=True, _nrt=False)
+    return _compile_unit(func, nogil=True, _nrt=False)
 
 
-def _part(func, called, **options):
+def _inline_part(func, called, **options):
     """A function of which compiled code includes the source; `called(func)` is what a call from Python gets."""
     if DISABLED:
         return func
@@ -125,13 +125,13 @@ def _part(func, called, **options):
     return dispatcher
 
 
-def _refused(func):
+def _reject_call(func):
     raise TypeError(f"{func.__module__}.{func.__name__} can only be called by compiled code: wrap it in a kernel")
 
 
 @functools.cache
-def _alone_compiled(func):
-    return _unit(func, _nrt=False)
+def _standalone_unit(func):
+    return _compile_unit(func, _nrt=False)
 
 
 def unit(func):
@@ -139,7 +139,7 @@ def unit(func):
 
     As `hot`, without a wrapper for Python. Nothing of it is inlined, so it is for what takes a microsecond or more.
     """
-    return _unit(func, buried=True, _nrt=False)
+    return _compile_unit(func, buried=True, _nrt=False)
 
 
 def outlined(func):
@@ -147,12 +147,12 @@ def outlined(func):
 
     It has no wrapper for Python: for records of hundreds of fields that takes longer to compile than the body.
     """
-    return _part(func, _refused)
+    return _inline_part(func, _reject_call)
 
 
 def inner(func):
     """As `inlined`, but only compiled code can call it; for what takes whole designs as records (see `outlined`)."""
-    return _part(func, _refused, forceinline=True)
+    return _inline_part(func, _reject_call, forceinline=True)
 
 
 def inlined(func):
@@ -160,4 +160,4 @@ def inlined(func):
 
     A call from Python compiles it once more, alone.
     """
-    return _part(func, _alone_compiled, forceinline=True)
+    return _inline_part(func, _standalone_unit, forceinline=True)

@@ -51,7 +51,7 @@ OTHERS = stat.S_IWGRP | stat.S_IWOTH
 # ---- sources ---------------------------------------------------------------------------------------------------------
 
 
-def _file_of(name):
+def _module_file(name):
     """Source of a dotted module name, or None if it names something within a module."""
     base = ROOT.joinpath(*name.split("."))
     module, package = base.with_suffix(".py"), base / "__init__.py"
@@ -61,47 +61,47 @@ def _file_of(name):
 @functools.cache
 def imported(path):
     """Our own source files that the file `path` imports, with the packages above them."""
-    found = set()
+    files = set()
     for module, names, plain in IMPORT.findall(path.read_text()):
-        wanted = [module or plain]
+        modules = [module or plain]
         for name in re.sub(r"#[^\n]*|[()]", "", names).split(","):
             if words := name.split():
-                wanted.append(f"{module}.{words[0]}")
-        for name in wanted:
+                modules.append(f"{module}.{words[0]}")
+        for name in modules:
             parts = name.split(".")
-            found |= {_file_of(".".join(parts[:n])) for n in range(1, len(parts) + 1)}
-    return frozenset(found - {None, path})
+            files |= {_module_file(".".join(parts[:n])) for n in range(1, len(parts) + 1)}
+    return frozenset(files - {None, path})
 
 
 @functools.cache
-def sources_of(path):
+def kernel_sources(path):
     """The file `path` and all of ours that it imports, directly or not: all that its kernels can be compiled from."""
-    seen, ahead = set(), [path]
+    sources, ahead = set(), [path]
     while ahead:
         file = ahead.pop()
-        if file not in seen:
-            seen.add(file)
+        if file not in sources:
+            sources.add(file)
             ahead.extend(imported(file))
-    return tuple(sorted(seen))
+    return tuple(sorted(sources))
 
 
 @functools.cache
-def _digest(path):
+def _file_digest(path):
     return hashlib.sha256(path.read_bytes()).digest()
 
 
 def source_digest(path):
     """SHA-256 over names and bytes of `sources_of(path)`, and what else machine code depends on."""
     digest = hashlib.sha256(f"{numba.__version__} {numba.config.SLP_VECTORIZE}".encode())
-    for file in sources_of(path):
-        digest.update(os.path.relpath(file, ROOT).encode() + _digest(file))
+    for file in kernel_sources(path):
+        digest.update(os.path.relpath(file, ROOT).encode() + _file_digest(file))
     return digest.hexdigest()
 
 
 # ---- the folder ------------------------------------------------------------------------------------------------------
 
 
-def _say(text):
+def _print_notice(text):
     print(f"gyro: {text}", file=sys.stderr, flush=True)
 
 
@@ -113,12 +113,12 @@ def _fault(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             folder.mkdir(mode=0o700)
-        found = folder.stat()
-        if not stat.S_ISDIR(found.st_mode):
+        status = folder.stat()
+        if not stat.S_ISDIR(status.st_mode):
             return "is no folder"
-        if found.st_uid != os.geteuid():
-            return f"belongs to another user (uid {found.st_uid})"
-        if found.st_mode & OTHERS:
+        if status.st_uid != os.geteuid():
+            return f"belongs to another user (uid {status.st_uid})"
+        if status.st_mode & OTHERS:
             folder.chmod(0o700)
     except (OSError, RuntimeError) as problem:
         return f"cannot be written: {getattr(problem, 'strerror', None) or problem}"
@@ -128,11 +128,11 @@ def _fault(folder):
 @functools.cache
 def cache_root():
     """Folder that all caches lie in, or None; where the user has none, libraries and children use the private one."""
-    named = os.environ.get("GYRO_CACHE") or os.environ.get("XDG_CACHE_HOME")
-    if named == "0":
+    setting = os.environ.get("GYRO_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    if setting == "0":
         return None
     try:
-        root = Path(named) if named else Path.home() / ".cache"
+        root = Path(setting) if setting else Path.home() / ".cache"
         fault = _fault(root / FOLDER)
     except RuntimeError:  # neither HOME nor an entry in passwd
         root, fault = None, "no home that can be written"
@@ -141,9 +141,9 @@ def cache_root():
     where = f"{root / FOLDER} {fault}" if root else fault
     private = Path(tempfile.gettempdir()) / f"{FOLDER}-{os.geteuid()}"
     if _fault(private) or _fault(private / FOLDER):
-        _say(f"{where}: each process compiles its kernels again; set GYRO_CACHE to a folder of your own")
+        _print_notice(f"{where}: each process compiles its kernels again; set GYRO_CACHE to a folder of your own")
         return None
-    _say(f"{where}: compiled kernels are kept in {private}; set GYRO_CACHE to a folder of your own")
+    _print_notice(f"{where}: compiled kernels are kept in {private}; set GYRO_CACHE to a folder of your own")
     os.environ["GYRO_CACHE"] = os.environ["XDG_CACHE_HOME"] = str(private)
     os.environ.setdefault("MPLCONFIGDIR", str(private))
     return private / FOLDER
@@ -174,7 +174,7 @@ def cache_folder(path):
 # ---- files -----------------------------------------------------------------------------------------------------------
 
 
-def arguments_of(signature):
+def argument_types(signature):
     """Types of the arguments, whichever way a signature is given."""
     return tuple(sigutils.normalize_signature(signature)[0])
 
@@ -187,10 +187,10 @@ def read_sealed(path, identity):
     """Contents of a file that was written for `identity`; None if there is none, or, with one line, another."""
     try:
         with open(shared_files.open_regular(path, os.O_RDONLY), "rb") as file:
-            found = os.fstat(file.fileno())
+            status = os.fstat(file.fileno())
             data = file.read()
         body = memoryview(data)[SEAL_BYTES:]
-        if found.st_uid != os.geteuid() or found.st_mode & OTHERS:
+        if status.st_uid != os.geteuid() or status.st_mode & OTHERS:
             fault = "can be written by another user"
         elif data[:SEAL_BYTES] != _seal(identity, body):
             fault = "is damaged"
@@ -200,7 +200,7 @@ def read_sealed(path, identity):
         return None
     except OSError as problem:
         fault = problem.strerror
-    _say(f"{path}: {fault}: its kernel is compiled again")
+    _print_notice(f"{path}: {fault}: its kernel is compiled again")
     with contextlib.suppress(OSError):
         path.unlink()
     return None
@@ -230,8 +230,10 @@ class KernelCache:
         self.cache_path = str(folder)
         self._folder, self._function = folder, dispatcher.py_func
         self._units, self._find_units = units, find_units
-        self._place = f"{self._function.__module__}.{self._function.__qualname__} {self._function.__code__.co_filename}"
-        self._stem = f"{self._function.__qualname__}-{hashlib.sha256(self._place.encode()).hexdigest()[:8]}"
+        self._origin = (
+            f"{self._function.__module__}.{self._function.__qualname__} {self._function.__code__.co_filename}"
+        )
+        self._stem = f"{self._function.__qualname__}-{hashlib.sha256(self._origin.encode()).hexdigest()[:8]}"
         self._machine = dispatcher.targetctx.codegen().magic_tuple()
         self._read = {}
 
@@ -241,17 +243,17 @@ class KernelCache:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         return self._folder / f"{self._function.__qualname__}.lock"
 
-    def _file(self, arguments):
+    def _kernel_file(self, arguments):
         """(path, identity) of the machine code for these arguments."""
-        made_from = f"{self._folder.name} {sys.version} {bound.digest(self._function)}"
-        identity = f"{self._place} {made_from} {self._machine} {arguments!r}"
+        source_key = f"{self._folder.name} {sys.version} {bound.digest(self._function)}"
+        identity = f"{self._origin} {source_key} {self._machine} {arguments!r}"
         key = hashlib.sha256(identity.encode()).hexdigest()[:24]
         return self._folder / f"{self._stem}-{key}{ENDING}", identity
 
     def read(self, signature):
         """True if the machine code is there with all that it links to: `load_overload` has it then."""
-        arguments = arguments_of(signature)
-        body = read_sealed(*self._file(arguments))
+        arguments = argument_types(signature)
+        body = read_sealed(*self._kernel_file(arguments))
         if body is None:
             return False
         units, result = pickle.loads(body)
@@ -262,7 +264,7 @@ class KernelCache:
 
     def load_overload(self, signature, target_context):
         """Numba's question for a compiled function; None if `read` found none."""
-        result = self._read.pop(arguments_of(signature), None)
+        result = self._read.pop(argument_types(signature), None)
         target_context.refresh()
         return None if result is None else compiler.CompileResult._rebuild(target_context, *result)
 
@@ -270,7 +272,7 @@ class KernelCache:
         """Keep what Numba has compiled."""
         if not result.library.has_dynamic_globals and all(lifted.can_cache for lifted in result.lifted):
             body = serialize.dumps((self._units(result.library), result._reduce()))
-            write_sealed(*self._file(arguments_of(signature)), body)
+            write_sealed(*self._kernel_file(argument_types(signature)), body)
 
     def flush(self):
         """Forget the machine code for all arguments, before it is compiled anew."""

@@ -75,12 +75,12 @@ def _reached(part):
 
     LLVM's linker takes in what may be dropped only where something that it has already asks for it.
     """
-    out, seen = [], set()
+    out, visited = [], set()
 
     def visit(library):
-        seen.add(library)
+        visited.add(library)
         for other in library._linking_libraries if isinstance(library, Part) else ():
-            if other not in seen:
+            if other not in visited:
                 visit(other)
         out.append(library)
 
@@ -121,20 +121,20 @@ def make_unit(dispatcher, result):
 
 def units(library):
     """[(module, function, symbol, arguments)] of the units that a freshly compiled library calls."""
-    seen, ahead, found = set(), list(library._linking_libraries), {}
+    visited, ahead, by_symbol = set(), list(library._linking_libraries), {}
     while ahead:
         other = ahead.pop()
-        if other not in seen:
-            seen.add(other)
+        if other not in visited:
+            visited.add(other)
             if unit := getattr(other, "unit", None):
-                found[unit[:3]] = unit
+                by_symbol[unit[:3]] = unit
             ahead.extend(other._linking_libraries if isinstance(other, Part) else ())
-    return [found[key] for key in sorted(found)]
+    return [by_symbol[key] for key in sorted(by_symbol)]
 
 
-def find_units(wanted):
+def find_units(linked_units):
     """Load what a cached function calls; False where a symbol is missing, so that the function is compiled anew."""
-    for module, name, symbol, arguments in wanted:
+    for module, name, symbol, arguments in linked_units:
         try:
             unit = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError):  # of a script, or within a function: nobody else can find it

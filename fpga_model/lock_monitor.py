@@ -111,13 +111,13 @@ def design(**values):
 
 
 @inlined
-def _judge(p, s, k, enable, judged, good, lost):
+def _judge(p, s, k, enable, lock_mask, good, lost):
     """New lock bit (at its place in the word) and new count of loop k."""
     locked = (s.locked >> k) & 1
     count = s.count[k]
     if not (enable >> k) & 1:
         locked, count = 0, 0
-    elif (judged >> k) & 1:
+    elif (lock_mask >> k) & 1:
         pending = lost if locked else good
         count = count + 1 if pending else 0
         if count >= (p.frames_out[k] if locked else p.frames_in[k]) and pending:

@@ -22,14 +22,14 @@ from typing import NamedTuple
 from fpga_model import sine as table
 from fpga_model.block import BIT, Block
 from fpga_model.design_record import DEFAULT
-from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed
+from fpga_model.fixed import Fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed_bits
 from fpga_model.jit import inlined
 
 AMPLITUDE = Fmt(1, 0, 23)
 SINE = table.OUT
 PRODUCT = mul_fmt(AMPLITUDE, SINE)
 MAX_CODE_BITS = 20
-CODE = signed(MAX_CODE_BITS)
+CODE = signed_bits(MAX_CODE_BITS)
 LATENCY = 2
 assert PRODUCT.width + 1 <= 63, "the product and its rounding constant must fit int64"
 
@@ -65,9 +65,9 @@ def design(code_bits, frames=0, d=DEFAULT):
         raise ValueError(f"code_bits: {code_bits} is not from 2 to {MAX_CODE_BITS} bits")
     if frames not in (0, 1, 2):
         raise ValueError(f"frames: {frames} is not 0, 1 or 2 conversion periods")
-    code = signed(code_bits)
+    code = signed_bits(code_bits)
     return Params(
-        shift=quantize(PRODUCT.at(d).f - (code_bits - 1), PARAMS_FMT.shift, "shift (bits)"),
+        shift=quantize(PRODUCT.for_design(d).f - (code_bits - 1), PARAMS_FMT.shift, "shift (bits)"),
         lo=code.lo,
         hi=code.hi,
         frames=int(frames),
@@ -99,7 +99,7 @@ def out(p, s):
 
 
 @inlined
-def at(p, amplitude, sine):
+def dac_code(p, amplitude, sine):
     """Code of an amplitude and a sine: what the two enables of one conversion period make of them."""
     return clamp(half_up(amplitude * sine, p.shift), p.lo, p.hi)
 

@@ -31,16 +31,16 @@ class Params(NamedTuple):
     sense_load: TICK
 
 
-def design(shared, before=(0, 0), behind=(0, 0), d=DEFAULT):
+def design(shared, before=(0, 0), after=(0, 0), d=DEFAULT):
     """`Params` of (drive, sense) clocks before and behind, or None where all are 0.
 
     shared  registers of both delay lines already
     d       the design record
     Raises ValueError for a line or a delay that is too long.
     """
-    if not any((*before, *behind)):
+    if not any((*before, *after)):
         return None
-    for role, first, second in zip(("drive", "sense"), before, behind, strict=True):
+    for role, first, second in zip(("drive", "sense"), before, after, strict=True):
         if not 0 <= shared + first <= delay.MAX_DEPTH:
             keys = f"firmware.pipeline_registers + {role}_sine_registers"
             raise ValueError(f"{keys} = {shared + first} is outside 0 .. {delay.MAX_DEPTH}")
@@ -50,7 +50,7 @@ def design(shared, before=(0, 0), behind=(0, 0), d=DEFAULT):
                 f"firmware.{role}_code_registers = {second} is outside 0 .. {most}, the clocks of a tick behind it"
             )
     pipes = [delay.design(shared + n) for n in before]
-    return Params(*pipes, *(tick + n for n in behind for tick in (spi_dac.CODE_TICK, spi_dac.LOAD_TICK)))
+    return Params(*pipes, *(tick + n for n in after for tick in (spi_dac.CODE_TICK, spi_dac.LOAD_TICK)))
 
 
 @inner

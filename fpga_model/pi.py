@@ -123,18 +123,18 @@ def check_accumulator(p, fraction_bits):
 def step(d, p, s, en, mode, e, preset):
     """One clock edge of a design `d`: every right-hand side reads the old registers."""
     prop, acc = s.prop, s.acc
-    kept = d.accumulator_fraction_bits
-    dropped = PRODUCT_FRACTION - kept
+    fraction_bits = d.accumulator_fraction_bits
+    dropped = PRODUCT_FRACTION - fraction_bits
     if en:
         if mode == OFF:
             prop = 0
-            acc = clamp(preset, p.lo, p.hi) << kept
+            acc = clamp(preset, p.lo, p.hi) << fraction_bits
         elif mode == P_ONLY:
             prop = half_up(p.kp * e, dropped)
         elif mode == RUN:
             prop = half_up(p.kp * e, dropped)
-            acc = clamp(s.acc + half_up(p.ki * e, dropped), p.lo << kept, p.hi << kept)
-    return State(prop=prop, acc=acc, y=clamp(half_up(s.prop + s.acc, kept), p.lo, p.hi))
+            acc = clamp(s.acc + half_up(p.ki * e, dropped), p.lo << fraction_bits, p.hi << fraction_bits)
+    return State(prop=prop, acc=acc, y=clamp(half_up(s.prop + s.acc, fraction_bits), p.lo, p.hi))
 
 
 MODE = bits(2)

@@ -20,12 +20,12 @@ from typing import NamedTuple
 
 from fpga_model import isqrt, pi
 from fpga_model.block import BIT, Block
-from fpga_model.fixed import formats, quantize, signed
+from fpga_model.fixed import formats, quantize, signed_bits
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
-CODE = signed(24)
-ERROR = signed(25)
+CODE = signed_bits(24)
+ERROR = signed_bits(25)
 LATENCY = 3
 assert ERROR.width <= pi.ERR.width, "the error must fit the input of the PI"
 assert isqrt.RADICAND.hi <= pi.OUT.hi, "u must fit the output of the PI"

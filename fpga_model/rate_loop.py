@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 from fpga_model import pi
 from fpga_model.block import BIT, Block
-from fpga_model.fixed import Fmt, formats, signed
+from fpga_model.fixed import Fmt, formats, signed_bits
 from fpga_model.jit import inlined
 from fpga_model.rates import FRAME_HZ
 
-CODE = signed(24)
+CODE = signed_bits(24)
 WORD = Fmt(1, 0, 23)
 LATENCY = 3
 assert CODE.width <= pi.ERR.width, "a code must fit the input of the PI"

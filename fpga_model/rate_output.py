@@ -22,12 +22,12 @@ With s0 = 2**12 / 8651 the output is in deg/s. One `en` in any six clocks: a sam
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block
-from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed, sub_fmt
+from fpga_model.fixed import Fmt, add_fmt, bits, clamp, formats, half_up, mul_fmt, quantize, signed_bits, sub_fmt
 from fpga_model.jit import inlined
 
-CODE = signed(24)
+CODE = signed_bits(24)
 CODE_CUT = 8
-T = signed(CODE.width - CODE_CUT)
+T = signed_bits(CODE.width - CODE_CUT)
 T2_CUT = 15
 T2 = bits(16)
 BIAS_0 = Fmt(1, 23, 8)

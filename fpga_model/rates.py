@@ -68,7 +68,7 @@ def step(d, s, go):
 
 
 @inlined
-def at(s, tick):
+def tick_enable(s, tick):
     """1 in the clock whose edge is number `tick` of the 1 us tick."""
     return 1 if s.tick == tick else 0
 
@@ -109,7 +109,7 @@ BLOCK = Block(
     place=220,
     inputs={"go": BIT},
     outputs={"ce_1m": BIT, "ce_8k": BIT},
-    functions={"at": ({}, BIT), "quadrature_due": ({"frame": FRAME, "fast": BIT}, BIT)},
+    functions={"tick_enable": ({}, BIT), "quadrature_due": ({"frame": FRAME, "fast": BIT}, BIT)},
     latency={"slot": LATENCY},
     rules={"tick": (None, "wrap"), "frame": (None, "wrap")},
     strobes=("go",),

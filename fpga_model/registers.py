@@ -131,7 +131,7 @@ def reset(d=DEFAULT):
 
 
 @inlined
-def _load(k, width, old, write, address, data):
+def _load_register(k, width, old, write, address, data):
     if write and address == k:
         return wrap(data, width) if SIGNED[k] else wrap_unsigned(data, width)
     return old
@@ -144,24 +144,24 @@ def step(d, s, write, address, data, taken):
         return s
     waiting, turn = 0 if taken else s.fault_clear, d.dds_bits
     return State(
-        control=_load(0, WIDTHS[0], s.control, write, address, data),
-        fault_clear=waiting | _load(1, WIDTHS[1], 0, write, address, data),
-        phase_drive_sine=_load(2, turn, s.phase_drive_sine, write, address, data),
-        phase_sense_sine=_load(3, turn, s.phase_sense_sine, write, address, data),
-        phase_drive_ref=_load(4, turn, s.phase_drive_ref, write, address, data),
-        phase_sense_ref=_load(5, turn, s.phase_sense_ref, write, address, data),
-        amplitude_setpoint=_load(6, WIDTHS[6], s.amplitude_setpoint, write, address, data),
-        frequency_fixed=_load(7, turn, s.frequency_fixed, write, address, data),
-        amplitude_fixed=_load(8, WIDTHS[8], s.amplitude_fixed, write, address, data),
-        rate_fixed=_load(9, WIDTHS[9], s.rate_fixed, write, address, data),
-        quadrature_fixed=_load(10, WIDTHS[10], s.quadrature_fixed, write, address, data),
-        rate_bias=_load(11, WIDTHS[11], s.rate_bias, write, address, data),
-        rate_bias_t1=_load(12, WIDTHS[12], s.rate_bias_t1, write, address, data),
-        rate_bias_t2=_load(13, WIDTHS[13], s.rate_bias_t2, write, address, data),
-        rate_scale=_load(14, WIDTHS[14], s.rate_scale, write, address, data),
-        rate_scale_t1=_load(15, WIDTHS[15], s.rate_scale_t1, write, address, data),
-        rate_scale_t2=_load(16, WIDTHS[16], s.rate_scale_t2, write, address, data),
-        decimation=_load(17, WIDTHS[17], s.decimation, write, address, data),
+        control=_load_register(0, WIDTHS[0], s.control, write, address, data),
+        fault_clear=waiting | _load_register(1, WIDTHS[1], 0, write, address, data),
+        phase_drive_sine=_load_register(2, turn, s.phase_drive_sine, write, address, data),
+        phase_sense_sine=_load_register(3, turn, s.phase_sense_sine, write, address, data),
+        phase_drive_ref=_load_register(4, turn, s.phase_drive_ref, write, address, data),
+        phase_sense_ref=_load_register(5, turn, s.phase_sense_ref, write, address, data),
+        amplitude_setpoint=_load_register(6, WIDTHS[6], s.amplitude_setpoint, write, address, data),
+        frequency_fixed=_load_register(7, turn, s.frequency_fixed, write, address, data),
+        amplitude_fixed=_load_register(8, WIDTHS[8], s.amplitude_fixed, write, address, data),
+        rate_fixed=_load_register(9, WIDTHS[9], s.rate_fixed, write, address, data),
+        quadrature_fixed=_load_register(10, WIDTHS[10], s.quadrature_fixed, write, address, data),
+        rate_bias=_load_register(11, WIDTHS[11], s.rate_bias, write, address, data),
+        rate_bias_t1=_load_register(12, WIDTHS[12], s.rate_bias_t1, write, address, data),
+        rate_bias_t2=_load_register(13, WIDTHS[13], s.rate_bias_t2, write, address, data),
+        rate_scale=_load_register(14, WIDTHS[14], s.rate_scale, write, address, data),
+        rate_scale_t1=_load_register(15, WIDTHS[15], s.rate_scale_t1, write, address, data),
+        rate_scale_t2=_load_register(16, WIDTHS[16], s.rate_scale_t2, write, address, data),
+        decimation=_load_register(17, WIDTHS[17], s.decimation, write, address, data),
     )
 
 

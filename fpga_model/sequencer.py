@@ -189,9 +189,9 @@ def design(**values):
     d = Design(**values)
     faults = fault_monitor.design() if d.faults is None else d.faults
     times_s = [getattr(d, f"{name}_s") for name in Params._fields[:9]]
-    named_s = list(zip(Params._fields, times_s, strict=False))
-    frames = [quantize(v * d.record.frame_hz, TIMER, f"{k}_s (frames)") for k, v in named_s]
-    for (name, time_s), n in zip(named_s, frames):
+    durations_s = list(zip(Params._fields, times_s, strict=False))
+    frames = [quantize(v * d.record.frame_hz, TIMER, f"{k}_s (frames)") for k, v in durations_s]
+    for (name, time_s), n in zip(durations_s, frames):
         if n < 1:
             raise ValueError(f"{name}_s: {time_s} s is shorter than one frame, {1 / d.record.frame_hz} s")
     search = frames[Params._fields.index("search")]
@@ -204,35 +204,35 @@ def design(**values):
     if faults.top < waits:
         raise ValueError(f"faults: frames are counted up to {faults.top}; offline_s and recover_s need {waits}")
     gain = hz_per_turn * frequency_tracker.word_per_hz(d.record) * 2.0**-PHASE.f
-    limit = d.search_limit_hz * frequency_tracker.word_per_hz(d.record) * 2.0 ** -CORRECTION.at(d.record).f
+    limit = d.search_limit_hz * frequency_tracker.word_per_hz(d.record) * 2.0 ** -CORRECTION.for_design(d.record).f
     return Params(
         *frames,
         reached=quantize(d.reached * 2**16, FRACTION, "reached"),
         min_magnitude=agc.setpoint(d.search_min_v, 1.0, d.adc_full_scale_v, d.record),
         gain=quantize(gain, GAIN, "gain (word LSB per phase LSB)"),
-        search_limit=quantize(limit, CORRECTION.at(d.record), "search_limit_hz (turn per clock)"),
+        search_limit=quantize(limit, CORRECTION.for_design(d.record), "search_limit_hz (turn per clock)"),
         lock=lock_monitor.design() if d.lock is None else d.lock,
         faults=faults,
     )
 
 
 @inlined
-def _judged(control):
+def _lock_mask(control):
     """Loops whose lock counts: those that the user neither holds nor fixes."""
-    judged = lock_monitor.ALL
+    mask = lock_monitor.ALL
     if control & HOLD_AGC:
-        judged &= ~lock_monitor.AGC
+        mask &= ~lock_monitor.AGC
     if control & HOLD_PLL:
-        judged &= ~lock_monitor.PLL
+        mask &= ~lock_monitor.PLL
     if control & (HOLD_FTR | FIX_FTR):
-        judged &= ~lock_monitor.FTR
+        mask &= ~lock_monitor.FTR
     if control & (HOLD_QSC | FIX_QSC):
-        judged &= ~lock_monitor.QSC
-    return judged
+        mask &= ~lock_monitor.QSC
+    return mask
 
 
 @inlined
-def _following(p, s, i, usable, found, locked):
+def _following(p, s, i, usable, search_ok, locked):
     """The next state; `locked` has the bits of the loops that are locked or not judged."""
     state = s.state
     frames = s.timer + 1
@@ -260,7 +260,7 @@ def _following(p, s, i, usable, found, locked):
             return DECAY
         if frames < p.search:
             return SEARCH
-        return RETUNE if found else KICK
+        return RETUNE if search_ok else KICK
     if state == RETUNE:
         return ACQUIRE if frames >= p.retune else RETUNE
     if state == ACQUIRE:
@@ -284,12 +284,12 @@ def step(p, s, en, i):
     state = s.state
     fresh = 1 if i.adc_ok and not i.stale else 0
     usable = 1 if fresh and not s.faults.flags & fault_monitor.STUCK else 0
-    judged = _judged(i.control)
+    lock_mask = _lock_mask(i.control)
 
     rotation = s.rotation + wrap(i.phase - s.last_phase, PHASE_BITS) if state == SEARCH and usable else 0
     correction = half_up(rotation * p.gain, GAIN.f)
-    found = 1 if abs(correction) <= p.search_limit and i.magnitude >= p.min_magnitude else 0
-    following = _following(p, s, i, usable, found, s.lock.locked | (lock_monitor.ALL & ~judged))
+    search_ok = 1 if abs(correction) <= p.search_limit and i.magnitude >= p.min_magnitude else 0
+    following = _following(p, s, i, usable, search_ok, s.lock.locked | (lock_monitor.ALL & ~lock_mask))
 
     restart = following == KICK and state != KICK and state != STANDBY
     failed = 1 if restart and state < BALANCE else 0
@@ -316,7 +316,7 @@ def step(p, s, en, i):
             s.lock,
             1 if usable or state < SETTLE else 0,
             (lock_monitor.DRIVE if state >= SETTLE else 0) | (lock_monitor.SENSE if state >= BALANCE else 0),
-            judged,
+            lock_mask,
             i.setpoint - i.magnitude,
             i.setpoint,
             i.phase,
@@ -342,8 +342,8 @@ def step(p, s, en, i):
 
 
 @inlined
-def _mode(bad, held, mode):
-    return pi.HOLD if bad or held else mode
+def _mode(bad, hold, mode):
+    return pi.HOLD if bad or hold else mode
 
 
 @inlined

@@ -21,18 +21,18 @@ MOST_OWNER_BYTES = 200
 UNKNOWN, MOST_TRIES = "an unknown process", 20
 
 
-class Held(OSError):
+class LockedError(OSError):
     """Another process has the lock; the text says which."""
 
 
 def foreign_link(path):
     """The first symbolic link on the way to `path`, itself included, of a user who is neither this one nor root."""
     path = Path(os.path.abspath(path))
-    for place in (*reversed(path.parents), path):
+    for component in (*reversed(path.parents), path):
         with contextlib.suppress(OSError):
-            found = os.lstat(place)
-            if stat.S_ISLNK(found.st_mode) and found.st_uid not in (0, os.geteuid()):
-                return place
+            status = os.lstat(component)
+            if stat.S_ISLNK(status.st_mode) and status.st_uid not in (0, os.geteuid()):
+                return component
     return None
 
 
@@ -60,7 +60,7 @@ def try_lock(path):
             owner, tries = lock_owner(path), tries + 1
             # a moment ago it was taken, and the text follows, or it is being removed
             if owner != UNKNOWN or tries > MOST_TRIES:
-                raise Held(errno.EWOULDBLOCK, owner, str(path)) from None
+                raise LockedError(errno.EWOULDBLOCK, owner, str(path)) from None
             time.sleep(0.005)
             continue
         except FileNotFoundError:
@@ -81,14 +81,14 @@ def try_lock(path):
 def wait_for_lock(path, what):
     """As `try_lock`, but waits; after PATIENCE_S one line says for whom, and what that process does."""
     until = time.monotonic() + PATIENCE_S
-    pause, told = 0.001, False
+    pause, notified = 0.001, False
     while True:
         try:
             return try_lock(path)
-        except Held as problem:
-            if time.monotonic() > until and not told:
+        except LockedError as problem:
+            if time.monotonic() > until and not notified:
                 print(f"gyro: waits for {problem.strerror}, which {what}", file=sys.stderr, flush=True)
-                told = True
+                notified = True
         time.sleep(pause)
         pause = min(2 * pause, 0.1)
 

@@ -99,21 +99,21 @@ def quarter_wave(rows, guard_bits=128):
 @cache
 def tables(d=DEFAULT, guard_bits=128):
     """BASE and SLOPE of a design: the sine at the start of each step, and the chord to the next."""
-    exact = [OUT.at(d).hi * x for x in quarter_wave(1 << d.sine_address_bits, guard_bits)]
+    exact = [OUT.for_design(d).hi * x for x in quarter_wave(1 << d.sine_address_bits, guard_bits)]
 
-    def rounded(x, fmt):
+    def round_to_format(x, fmt):
         dropped = guard_bits - fmt.f
         return (x + (1 << (dropped - 1))) >> dropped
 
-    base = tuple(rounded(x, BASE) for x in exact[:-1])
-    slope = tuple(rounded(after - x, SLOPE) for x, after in pairwise(exact))
+    base = tuple(round_to_format(x, BASE) for x in exact[:-1])
+    slope = tuple(round_to_format(after - x, SLOPE) for x, after in pairwise(exact))
     return base, slope
 
 
 @cache
 def table(d=DEFAULT):
     """The table of a design as one row to a memory word, base above slope; int64, read only."""
-    words = np.array([b << SLOPE.at(d).width | s for b, s in zip(*tables(d))], np.int64)
+    words = np.array([b << SLOPE.for_design(d).width | s for b, s in zip(*tables(d))], np.int64)
     words.flags.writeable = False
     return words
 
@@ -131,17 +131,17 @@ def standard(d):
 @inlined
 def step(d, rom, s, phase):
     """One clock edge of a design `d` with its `rom`: every right-hand side reads the old registers."""
-    place = phase >> (d.dds_bits - 2 - d.sine_address_bits - d.sine_fraction_bits)
-    if place & (1 << (d.sine_address_bits + d.sine_fraction_bits)):
-        place = ~place
-    row = int(rom[(place >> d.sine_fraction_bits) & ((1 << d.sine_address_bits) - 1)])
+    position = phase >> (d.dds_bits - 2 - d.sine_address_bits - d.sine_fraction_bits)
+    if position & (1 << (d.sine_address_bits + d.sine_fraction_bits)):
+        position = ~position
+    row = int(rom[(position >> d.sine_fraction_bits) & ((1 << d.sine_address_bits) - 1)])
     slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
     magnitude = half_up((s.base2 << d.sine_fraction_bits) + s.product, d.sine_fraction_bits + PRODUCT_GUARD)
     return State(
         sign=(phase >> (d.dds_bits - 1)) & 1,
         base=row >> slope_bits,
         slope=row & ((1 << slope_bits) - 1),
-        fraction=place & ((1 << d.sine_fraction_bits) - 1),
+        fraction=position & ((1 << d.sine_fraction_bits) - 1),
         sign2=s.sign,
         base2=s.base,
         product=s.slope * (2 * s.fraction + 1),
@@ -150,14 +150,14 @@ def step(d, rom, s, phase):
 
 
 @inlined
-def at(d, rom, phase):
+def phase_sine(d, rom, phase):
     """y of a phase: what `step` gives LATENCY clocks later."""
     fraction_bits = d.sine_fraction_bits
-    place = phase >> (d.dds_bits - 2 - d.sine_address_bits - fraction_bits)
-    if place & (1 << (d.sine_address_bits + fraction_bits)):
-        place = ~place
-    row = rom[(place >> fraction_bits) & ((1 << d.sine_address_bits) - 1)]
-    fraction = place & ((1 << fraction_bits) - 1)
+    position = phase >> (d.dds_bits - 2 - d.sine_address_bits - fraction_bits)
+    if position & (1 << (d.sine_address_bits + fraction_bits)):
+        position = ~position
+    row = rom[(position >> fraction_bits) & ((1 << d.sine_address_bits) - 1)]
+    fraction = position & ((1 << fraction_bits) - 1)
     slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
     product = (row & ((1 << slope_bits) - 1)) * (2 * fraction + 1)
     magnitude = half_up(((row >> slope_bits) << fraction_bits) + product, fraction_bits + PRODUCT_GUARD)
@@ -171,7 +171,7 @@ BLOCK = Block(
     rules={"y": ("half_away", None), "fraction": ("floor", None)},
     roms=(Rom("sine", BASE.width + SLOPE.width, table),),
     relations=lambda d: (
-        {"base": 1 << d.sine_fraction_bits, "slope": MIDDLE.at(d).hi},
+        {"base": 1 << d.sine_fraction_bits, "slope": MIDDLE.for_design(d).hi},
         {"base2": 1 << d.sine_fraction_bits, "product": 1},
     ),
 )

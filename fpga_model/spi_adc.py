@@ -22,7 +22,7 @@ the second word of the next frame.
 
 from typing import NamedTuple
 
-from fpga_model.block import BIT, Block, python_of
+from fpga_model.block import BIT, Block, python_function
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, Term, Width, bits, formats, wrap
 from fpga_model.jit import inlined
@@ -115,9 +115,9 @@ def step(d, s, drdy_n, dout):
                 cs_n = 1
                 word = 0
         elif s.sclk == 0:
-            below = (s.count + 1) & ((1 << half_bits) - 1)
-            count = ((s.count >> half_bits) << half_bits) + below
-            sclk = 1 if below == 0 else 0
+            half_count = (s.count + 1) & ((1 << half_bits) - 1)
+            count = ((s.count >> half_bits) << half_bits) + half_count
+            sclk = 1 if half_count == 0 else 0
         else:
             count = s.count + 1
             if count == d.adc_word_bits << half_bits:
@@ -155,7 +155,7 @@ def step(d, s, drdy_n, dout):
 
 
 def _latency(d):
-    return {"valid": python_of(read_clocks)(d)}
+    return {"valid": python_function(read_clocks)(d)}
 
 
 def _stops(d):
@@ -169,7 +169,7 @@ BLOCK = Block(
     latency=_latency,
     rules={"shift": (None, "wrap")},
     idle={"drdy_n": 1},
-    wait=lambda d: python_of(read_clocks)(d) + d.adc_tail_clocks,
+    wait=lambda d: python_function(read_clocks)(d) + d.adc_tail_clocks,
     split=("word",),
     stops=_stops,
 )

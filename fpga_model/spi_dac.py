@@ -26,7 +26,7 @@ The code is signed for the drive and sense DACs and unsigned for the quadrature 
 from typing import NamedTuple
 
 from fpga_model.block import BIT, Block
-from fpga_model.fixed import bits, formats, signed
+from fpga_model.fixed import bits, formats, signed_bits
 from fpga_model.jit import inlined
 
 PRODUCT_TICK, CODE_TICK, LOAD_TICK = 0, 1, 2
@@ -161,18 +161,18 @@ def latch_cycles(p, period):
 
 
 @inlined
-def late_ticks(d, p, load, every=1):
+def update_delay_ticks(d, p, load, every=1):
     """Ticks of a design `d` from a load to the one in which the output is told to change; a load `every` ticks.
 
     load  tick count of the load
     """
     if p.strobe == 1:
         return every
-    clock, late = load + frame_cycles(p), 0
+    clock, ticks = load + frame_cycles(p), 0
     while clock >= d.tick_clocks:
         clock -= d.tick_clocks
-        late += 1
-    return late
+        ticks += 1
+    return ticks
 
 
 def period_cycles(p):
@@ -180,7 +180,7 @@ def period_cycles(p):
     return frame_cycles(p) + 1
 
 
-CODE = signed(20)
+CODE = signed_bits(20)
 
 BLOCK = Block(
     place=70,

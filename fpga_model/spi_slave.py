@@ -194,8 +194,8 @@ def step(s, cs_n, sck, sdi, status, rdata, clear):
     if s.cs_n == 1:
         phase, bit, crc, spoiled, refused = COMMAND, 0, CRC_MASK, 0, 0
         if s.active == 0:
-            told = (status << ERRORS_WIDTH) | s.errors
-            shift = (told << STATUS_AT) | ((told ^ CRC_MASK) << COMPLEMENT_AT)
+            status_word = (status << ERRORS_WIDTH) | s.errors
+            shift = (status_word << STATUS_AT) | ((status_word ^ CRC_MASK) << COMPLEMENT_AT)
         elif s.phase == COMPLETE and s.spoiled == 0 and s.refused == 0:
             write, done = 1 - s.read, s.read
             if s.second == 0:

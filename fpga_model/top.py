@@ -33,10 +33,10 @@ from fpga_model import (
     watchdog,
 )
 from fpga_model.block import Cast
-from fpga_model.fixed import bits, formats, signed
+from fpga_model.fixed import bits, formats, signed_bits
 from fpga_model.jit import inlined, inner
 
-CODE = signed(24)
+CODE = signed_bits(24)
 TEMPERATURE_CHANNEL = 4
 
 
@@ -175,7 +175,11 @@ def step(p, rom, s, i):
     drive_pipe, sense_pipe = path_clocks.pipes(p.pipe, p.paths)
     drive_code, sense_code = path_clocks.codes(p.paths)
     drive_tick, sense_tick = path_clocks.loads(p.paths)
-    at_load, drive_load, sense_load = rates.at(r, spi_dac.LOAD_TICK), rates.at(r, drive_tick), rates.at(r, sense_tick)
+    at_load, drive_load, sense_load = (
+        rates.tick_enable(r, spi_dac.LOAD_TICK),
+        rates.tick_enable(r, drive_tick),
+        rates.tick_enable(r, sense_tick),
+    )
     c = s.control
     init, amplitude, drive_word, sense_word, quadrature_word, quadrature_load = 0, 0, 0, 0, 0, 0
     if ce_1m:
@@ -187,7 +191,7 @@ def step(p, rom, s, i):
         sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
         quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)
 
-    taken = 1 if r.slot == rates.SLOT_SEQUENCER else 0
+    sequencer_slot = 1 if r.slot == rates.SLOT_SEQUENCER else 0
     work = c
     if r.slot != 0:
         work = control.step(d, p.control, c, r.slot, codes(p, s), bank)
@@ -216,7 +220,7 @@ def step(p, rom, s, i):
             p.drive_modulator,
             s.drive_modulator,
             ce_1m,
-            rates.at(r, drive_code),
+            rates.tick_enable(r, drive_code),
             amplitude,
             delay.out(drive_pipe, s.drive_pipe, s.drive_sine.y),
         ),
@@ -224,7 +228,7 @@ def step(p, rom, s, i):
             p.sense_modulator,
             s.sense_modulator,
             ce_1m,
-            rates.at(r, sense_code),
+            rates.tick_enable(r, sense_code),
             c.rate_loop.loop.y,
             delay.out(sense_pipe, s.sense_pipe, s.sense_sine.y),
         ),
@@ -234,7 +238,7 @@ def step(p, rom, s, i):
         spi_adc.step(d, s.adc, i.drdy_n, i.dout),
         sid,
         watchdog.step(p.watchdog, s.watchdog, ce_1m, frame),
-        registers.step(d, bank, i.write, i.address, i.data, taken),
+        registers.step(d, bank, i.write, i.address, i.data, sequencer_slot),
         work,
     )
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fpga_model import block, control, top
-from fpga_model.block import BIT, declared, filled, flat, leaves, python_of
+from fpga_model.block import BIT, block_modules, filled, leaves, port_name, python_function
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits, formats
 
@@ -71,29 +71,29 @@ def logic(name, fmt):
     return Signal((Leaf(name, fmt, "logic"),), "")
 
 
-def signal_of(value):
+def as_signal(value):
     """A signal of a value, which may be a constant."""
     return value if isinstance(value, Signal) else Signal((Leaf(str(value), None, "constant", value),))
 
 
-def joined(a, b):
+def merge_signals(a, b):
     """A signal that comes from either or both."""
     if a == b:
         return a
     if isinstance(a, tuple):
-        items = [joined(x, y) for x, y in zip(a, b, strict=True)]
+        items = [merge_signals(x, y) for x, y in zip(a, b, strict=True)]
         return type(a)(*items) if hasattr(a, "_fields") else tuple(items)
-    a, b = signal_of(a), signal_of(b)
+    a, b = as_signal(a), as_signal(b)
     return Signal(tuple(dict.fromkeys(a.leaves + b.leaves)), "")
 
 
-def within(state, path=""):
+def nested_blocks(state, path=""):
     """(path, module) of all blocks in a state, also of those within blocks."""
-    for field, module in block.parts_of(state).items():
-        at = f"{path}.{field}" if path else field
+    for field, module in block.state_modules(state).items():
+        dotted = f"{path}.{field}" if path else field
         if hasattr(module, "BLOCK"):
-            yield at, module
-        yield from within(module.State, at)
+            yield dotted, module
+        yield from nested_blocks(module.State, dotted)
 
 
 class Everything:
@@ -112,21 +112,21 @@ class Trace:
     like       a record with the optional parts that are there; none without it
     """
 
-    def __init__(self, module, design, like=None):
+    def __init__(self, module, design, template=None):
         self.module, self.design = module, design
-        self.wires, self.instances, self.names, self.kept = [], {}, {}, []
+        self.wires, self.instances, self.names, self.live_records = [], {}, {}, []
         self.gated, self.depth = set(), 0
-        held = {f"{at}.{name}": fmt.at(design) for at, m in within(module.State)
+        register_formats = {f"{at}.{name}": fmt.for_design(design) for at, m in nested_blocks(module.State)
                 for name, fmt in m.BLOCK.holds.items()}  # fmt: skip
-        self.state = self.record(formats(module.State, design, like), "", "register", held)
-        self.params = self.record(formats(module.Params, design, like), "", "parameter")
-        given = {name: self.record(block.at_design(shape, design), self.prefix(name), "input")
+        self.state = self.record(formats(module.State, design, template), "", "register", register_formats)
+        self.params = self.record(formats(module.Params, design, template), "", "parameter")
+        input_signals = {name: self.record(block.design_formats(shape, design), self.prefix(name), "input")
                  for name, shape in module.INPUTS.items()}  # fmt: skip
         structure = {name: None for name in ("d", "rom") if name in block.arguments(module)}
-        self.function(python_of(module.step), {**structure, "p": self.params, "s": self.state, **given})
+        self.function(python_function(module.step), {**structure, "p": self.params, "s": self.state, **input_signals})
         if hasattr(module, "Pins"):
-            shown = self.function(python_of(module.pins), {"p": self.params, "s": self.state})
-            for (name, fmt), (_, value) in zip(leaves(formats(module.Pins, design)), leaves(shown), strict=True):
+            pin_signals = self.function(python_function(module.pins), {"p": self.params, "s": self.state})
+            for (name, fmt), (_, value) in zip(leaves(formats(module.Pins, design)), leaves(pin_signals), strict=True):
                 self.arrive(value, "pins", name, fmt)
         self.wires = list(dict.fromkeys(self.wires))
 
@@ -135,96 +135,98 @@ class Trace:
         """Inputs of a record have the names of its fields; those of the bank keep its name."""
         return "" if name == "i" else name
 
-    def record(self, shape, path, kind, held=block.NOTHING):
+    def record(self, shape, path, kind, register_formats=block.NOTHING):
         """A record of signals, known by its path; `held` has the formats of what some of them hold."""
-        found = iter([direct(name, held.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
-        made = filled(shape, lambda _: next(found))
-        self.name(made, path)
-        return made
+        signals = iter([direct(name, register_formats.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
+        signal_record = filled(shape, lambda _: next(signals))
+        self.name(signal_record, path)
+        return signal_record
 
-    def name(self, made, path):
+    def name(self, signal_record, path):
         """Remember the names of a record and of the records in it."""
-        if hasattr(made, "_fields"):
-            self.names[id(made)] = path
-            self.kept.append(made)
-            for field, item in zip(made._fields, made):
+        if hasattr(signal_record, "_fields"):
+            self.names[id(signal_record)] = path
+            self.live_records.append(signal_record)
+            for field, item in zip(signal_record._fields, signal_record):
                 self.name(item, f"{path}.{field}" if path else field)
 
     # ---- ends of wires -----------------------------------------------------------------------------------------------
 
     def arrive(self, value, instance, port, fmt):
         """A value arrives at a port."""
-        self.wires.append(Wire(signal_of(value), instance, port, fmt))
+        self.wires.append(Wire(as_signal(value), instance, port, fmt))
 
-    def step(self, module, given):
+    def step(self, module, bound_args):
         """A block's step: its inputs and parameters arrive, its registers are what they are."""
-        instance = self.names[id(given["s"])]
-        self.instances[instance] = module, self.names.get(id(given.get("p")))
+        instance = self.names[id(bound_args["s"])]
+        self.instances[instance] = module, self.names.get(id(bound_args.get("p")))
         if self.depth:
             self.gated.add(instance)
         shapes = block.shapes(module, self.design)
-        values = [value for name in shapes for _, value in leaves(given[name])]
+        values = [value for name in shapes for _, value in leaves(bound_args[name])]
         for (port, fmt), value in zip(block.inputs(module, self.design), values, strict=True):
             self.arrive(value, instance, port, fmt)
-        if "p" not in shapes and "p" in given:
-            values = [value for _, value in leaves(given["p"])]
+        if "p" not in shapes and "p" in bound_args:
+            values = [value for _, value in leaves(bound_args["p"])]
             for (name, fmt), value in zip(block.parameters(module, self.design).items(), values, strict=True):
                 self.arrive(value, instance, name, fmt)
-        return given["s"]
+        return bound_args["s"]
 
-    def output(self, module, name, shape, given):
+    def output(self, module, name, shape, bound_args):
         """A block's output: a pin, or a record of them."""
-        instance = self.names[id(given["s"])]
+        instance = self.names[id(bound_args["s"])]
         for port, fmt in block.inputs(module, self.design):
-            if port in given:
-                self.arrive(given[port], instance, port, fmt)
+            if port in bound_args:
+                self.arrive(bound_args[port], instance, port, fmt)
         if isinstance(shape, type):
             return self.record(formats(shape, self.design), instance, "pin")
-        return direct(f"{instance}.{name}", shape.at(self.design), "pin")
+        return direct(f"{instance}.{name}", shape.for_design(self.design), "pin")
 
-    def call(self, func, given):
+    def call(self, func, bound_args):
         """What a call returns: of a block by its declaration, of anything else by running it."""
-        module = next((m for m in declared().values() if m.__name__ == func.__module__), None)
+        module = next((m for m in block_modules().values() if m.__name__ == func.__module__), None)
         name = func.__name__
         if module and name == "step":
-            return self.step(module, given)
+            return self.step(module, bound_args)
         if module and name in module.BLOCK.outputs:
-            return self.output(module, name, module.BLOCK.outputs[name], given)
+            return self.output(module, name, module.BLOCK.outputs[name], bound_args)
         if module and name in module.BLOCK.functions:
             arguments, result = module.BLOCK.functions[name]
-            owner = self.names.get(id(given.get("p")), module.__name__.rpartition(".")[2])
+            owner = self.names.get(id(bound_args.get("p")), module.__name__.rpartition(".")[2])
             for argument, fmt in arguments.items():
-                self.arrive(given[argument], f"{owner}.{name}", argument, fmt.at(self.design))
-            return logic(f"{owner}.{name}", result.at(self.design))
+                self.arrive(bound_args[argument], f"{owner}.{name}", argument, fmt.for_design(self.design))
+            return logic(f"{owner}.{name}", result.for_design(self.design))
         if self.module is not control and func.__module__ == control.__name__:
             if name == "step":
-                return self.part(control, given)
+                return self.part(control, bound_args)
             if name in control.OUTPUTS:
-                return direct(f"{self.names[id(given['s'])]}.{name}", control.OUTPUTS[name].at(self.design), "pin")
-        return self.function(func, given)
+                return direct(
+                    f"{self.names[id(bound_args['s'])]}.{name}", control.OUTPUTS[name].for_design(self.design), "pin"
+                )
+        return self.function(func, bound_args)
 
-    def part(self, module, given):
+    def part(self, module, bound_args):
         """A module within this one, traced by itself: its inputs arrive."""
-        instance = self.names[id(given["s"])]
-        self.instances[instance] = module, self.names[id(given["p"])]
+        instance = self.names[id(bound_args["s"])]
+        self.instances[instance] = module, self.names[id(bound_args["p"])]
         for name, shape in module.INPUTS.items():
-            pairs = leaves(block.at_design(shape, self.design), self.prefix(name))
-            for (port, fmt), (_, value) in zip(pairs, leaves(given[name]), strict=True):
-                self.arrive(value, instance, flat(port), fmt)
-        pairs = leaves(formats(module.Params, self.design, given["p"]))
-        for (port, fmt), (_, value) in zip(pairs, leaves(given["p"]), strict=True):
-            self.arrive(value, instance, flat(port), fmt)
-        return given["s"]
+            pairs = leaves(block.design_formats(shape, self.design), self.prefix(name))
+            for (port, fmt), (_, value) in zip(pairs, leaves(bound_args[name]), strict=True):
+                self.arrive(value, instance, port_name(port), fmt)
+        pairs = leaves(formats(module.Params, self.design, bound_args["p"]))
+        for (port, fmt), (_, value) in zip(pairs, leaves(bound_args["p"]), strict=True):
+            self.arrive(value, instance, port_name(port), fmt)
+        return bound_args["s"]
 
     # ---- running the source ------------------------------------------------------------------------------------------
 
-    def function(self, func, given):
+    def function(self, func, bound_args):
         """Run a function of the wiring."""
         tree = ast.parse(textwrap.dedent(inspect.getsource(func))).body[0]
         returned = self.run(
-            tree.body, dict(given), (func.__globals__, f"{func.__module__.rpartition('.')[2]}.{func.__name__}")
+            tree.body, dict(bound_args), (func.__globals__, f"{func.__module__.rpartition('.')[2]}.{func.__name__}")
         )
-        return functools.reduce(joined, returned)
+        return functools.reduce(merge_signals, returned)
 
     def run(self, body, env, where):
         """Run statements in `env`; returns what they return."""
@@ -236,9 +238,9 @@ class Trace:
                 (target,) = node.targets
                 self.assign(target, self.value(node.value, env, where), env)
             elif isinstance(node, ast.If):
-                known = self.condition(node.test, env, where)
-                if isinstance(known, bool):
-                    inner = self.run(node.body if known else node.orelse, env, where)
+                condition = self.condition(node.test, env, where)
+                if isinstance(condition, bool):
+                    inner = self.run(node.body if condition else node.orelse, env, where)
                     if inner:
                         return returned + inner
                     continue
@@ -248,7 +250,7 @@ class Trace:
                 self.depth -= 1
                 if not isinstance(node.body[-1], ast.Return):
                     for name in on.keys() | off.keys():
-                        both = joined(on.get(name, off.get(name)), off.get(name, on.get(name)))
+                        both = merge_signals(on.get(name, off.get(name)), off.get(name, on.get(name)))
                         self.assign(ast.Name(name), both, env)
             elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
                 raise self.refused(node, where)
@@ -290,17 +292,17 @@ class Trace:
             a, b = self.value(node.body, env, where), self.value(node.orelse, env, where)
             if isinstance(a, int) and isinstance(b, int):
                 return logic(ast.unparse(node), bits(max(a, b).bit_length()))
-            return joined(a, b)
+            return merge_signals(a, b)
         if isinstance(node, ast.BinOp) and type(node.op) in BITWISE:
             return self.bitwise(node, self.value(node.left, env, where), self.value(node.right, env, where))
         if isinstance(node, ast.Call):
             func = self.value(node.func, env, where)
-            given = [self.value(item, env, where) for item in node.args]
-            named = {item.arg: self.value(item.value, env, where) for item in node.keywords}
+            args = [self.value(item, env, where) for item in node.args]
+            kwargs = {item.arg: self.value(item.value, env, where) for item in node.keywords}
             if isinstance(func, type):
-                return func(*given, **named)
-            func = python_of(func)
-            return self.call(func, inspect.signature(func).bind(*given, **named).arguments)
+                return func(*args, **kwargs)
+            func = python_function(func)
+            return self.call(func, inspect.signature(func).bind(*args, **kwargs).arguments)
         raise self.refused(node, where)
 
     def bitwise(self, node, a, b):
@@ -317,29 +319,29 @@ class Trace:
 
 
 @functools.cache
-def trace(module, design=DEFAULT, whole=False):
+def trace(module, design=DEFAULT, all_parts=False):
     """`Trace` of control or top; `whole` with all optional parts."""
-    return Trace(module, design, Everything() if whole else None)
+    return Trace(module, design, Everything() if all_parts else None)
 
 
 def instances():
     """{instance: (module, path of its parameters or None)} of every block in control and top."""
-    found = {}
+    block_instances = {}
     for name, (module, path) in trace(top).instances.items():
         if module is not control:
-            found[name] = module, path
+            block_instances[name] = module, path
             continue
         for inner, (part, at) in trace(control).instances.items():
-            found[f"{name}.{inner}"] = part, at and f"{path}.{at}"
-    return {name: found[name] for name, _ in within(top.State) if name in found}
+            block_instances[f"{name}.{inner}"] = part, at and f"{path}.{at}"
+    return {name: block_instances[name] for name, _ in nested_blocks(top.State) if name in block_instances}
 
 
-def meant(wire, leaf, casts, design):
+def is_intended(wire, leaf, casts, design):
     """Whether the two formats of a wire are as they should be."""
     if leaf.kind == "constant":
         return wire.fmt.holds(leaf.value)
     return leaf.fmt == wire.fmt or any(
-        (cast.source, cast.source_fmt.at(design), cast.target, cast.target_fmt.at(design))
+        (cast.source, cast.source_fmt.for_design(design), cast.target, cast.target_fmt.for_design(design))
         == (leaf.name, leaf.fmt, wire.target, wire.fmt)
         for cast in casts
     )
@@ -347,13 +349,13 @@ def meant(wire, leaf, casts, design):
 
 def mismatches(module, design=DEFAULT):
     """One line "source format -> target format" for each wire whose formats differ, with optional parts or without."""
-    found = []
+    lines = []
     for wire in dict.fromkeys(trace(module, design).wires + trace(module, design, True).wires):
         for leaf in wire.signal.leaves:
-            if not meant(wire, leaf, module.CASTS, design):
+            if not is_intended(wire, leaf, module.CASTS, design):
                 source = f"{leaf.name} {leaf.fmt or ''}".strip()
-                found.append(f"{source} -> {wire.target} {wire.fmt}")
-    return found
+                lines.append(f"{source} -> {wire.target} {wire.fmt}")
+    return lines
 
 
 @functools.cache

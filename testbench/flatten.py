@@ -19,10 +19,10 @@ def names(record):
     return [name for name, _ in leaves(record)]
 
 
-def rebuild(like, row):
+def rebuild(template, row):
     """Record of the same shape as `like` from a row of integers; the inverse of `store`."""
     values = iter(row)
-    return filled(like, lambda _: int(next(values)))
+    return filled(template, lambda _: int(next(values)))
 
 
 def _store_python(row, record):
@@ -36,13 +36,13 @@ def _store_native(typingctx, row, record):
         array = context.make_array(signature.args[0])(context, builder, args[0])
         position = 0
 
-        def put(kind, value):
+        def store_leaves(kind, value):
             nonlocal position
             if isinstance(kind, types.NoneType):
                 return
             if isinstance(kind, types.BaseTuple):
                 for k, item in enumerate(kind.types):
-                    put(item, builder.extract_value(value, k))
+                    store_leaves(item, builder.extract_value(value, k))
                 return
             pointer = cgutils.get_item_pointer(
                 context, builder, signature.args[0], array, [context.get_constant(types.intp, position)]
@@ -51,7 +51,7 @@ def _store_native(typingctx, row, record):
             context.pack_value(builder, types.int64, wide, pointer)
             position += 1
 
-        put(signature.args[1], args[1])
+        store_leaves(signature.args[1], args[1])
         return context.get_dummy_value()
 
     return types.void(row, record), codegen

@@ -29,17 +29,17 @@ def during_import():
 
 
 @contextlib.contextmanager
-def held():
+def defer_interrupts():
     """Raise KeyboardInterrupt at the end of the block if SIGINT came during it."""
     mine = threading.current_thread() is threading.main_thread()
     if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    came = []
+    signals = []
 
     def note(number, where):
-        came.append(number)
-        if len(came) > 1:
+        signals.append(number)
+        if len(signals) > 1:
             raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, note)
@@ -47,5 +47,5 @@ def held():
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    if came:
+    if signals:
         raise KeyboardInterrupt

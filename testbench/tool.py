@@ -10,12 +10,12 @@ TOOL_S = 1800  # a tool that runs longer than this has hung
 def run_tool(command, folder, what):
     """Standard output of a tool; FileError with its last words if it fails."""
     try:
-        done = subprocess.run(
+        completed = subprocess.run(
             [str(word) for word in command], cwd=folder, capture_output=True, text=True, timeout=TOOL_S
         )
     except subprocess.TimeoutExpired:
         raise FileError(f"{what}: {command[0]} did not end within {TOOL_S} s") from None
-    if done.returncode:
-        said = "\n".join((done.stdout + done.stderr).strip().splitlines()[-8:])
-        raise FileError(f"{what}: {command[0]} failed with {done.returncode}:\n{said}")
-    return done.stdout
+    if completed.returncode:
+        last_lines = "\n".join((completed.stdout + completed.stderr).strip().splitlines()[-8:])
+        raise FileError(f"{what}: {command[0]} failed with {completed.returncode}:\n{last_lines}")
+    return completed.stdout

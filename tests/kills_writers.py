@@ -53,7 +53,7 @@ import json
 from pathlib import Path
 from testbench.paper.inference import study
 found = json.loads(Path({page!r}).read_text())
-study.study = lambda progress=None: found | {{"draws": {draws}}}
+study.run_inference = lambda progress=None: found | {{"draws": {draws}}}
 from testbench.commands.main import main
 main(["report", "infer", "--out", "out"])
 """

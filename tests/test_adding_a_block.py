@@ -175,8 +175,8 @@ def codes(p, s):''',
     "testbench/run/build.py": [
         ("    agc,\n    control,", "    agc,\n    beat,\n    control,"),
         (
-            "    made = fpga.Params(\n",
-            "    made = fpga.Params(\n        beat=beat.design(f.beat_ticks) if f.beat_ticks else None,\n",
+            "    fpga_params = fpga.Params(\n",
+            "    fpga_params = fpga.Params(\n        beat=beat.design(f.beat_ticks) if f.beat_ticks else None,\n",
         ),
     ],
 }

@@ -115,8 +115,8 @@ def reached(start, ahead):
 
 def test_the_cache_of_a_kernel_is_named_by_all_that_it_imports():
     for path in ALL:
-        assert reached(path, imported()) <= set(jit.sources_of(path)), path
-    frame = set(jit.sources_of(ROOT / "testbench" / "engines" / "frame.py"))
+        assert reached(path, imported()) <= set(jit.kernel_sources(path)), path
+    frame = set(jit.kernel_sources(ROOT / "testbench" / "engines" / "frame.py"))
     assert ROOT / "fpga_model" / "pi.py" in frame
     assert not {path for path in frame if path.parent.name in ("run", "config", "golden", "paper")}
 
@@ -311,7 +311,7 @@ def test_the_only_phase_parameters_of_the_firmware_are_the_compensation_words():
 def test_every_block_has_test_and_page():
     from fpga_model import block
 
-    for stem in ("fixed", *block.declared()):
+    for stem in ("fixed", *block.block_modules()):
         assert (ROOT / "tests" / "fpga_model" / f"test_{stem}.py").exists(), stem
         assert (ROOT / "docs" / "blocks" / f"{stem}.md").exists(), stem
 

@@ -203,7 +203,7 @@ def test_no_kernel_is_compiled_from_an_effect_of_the_catalogue():
     paths = [p for name in jit.PACKAGES for p in (ROOT / name).rglob("*.py") if kernels.search(p.read_text())]
     assert len(paths) > 30
     for path in paths:
-        assert not effects & set(jit.sources_of(path)), path
+        assert not effects & set(jit.kernel_sources(path)), path
 
 
 def test_points_of_a_campaign_depend_on_every_effect():

@@ -8,7 +8,7 @@ import pytest
 
 from testbench import config
 from testbench.paper.loop import advisor
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -73,7 +73,7 @@ def test_every_connection_of_the_diagram_begins_in_a_box_and_ends_at_one():
 
 def test_margins_in_the_text_are_those_of_the_loop():
     page = " ".join((DOCS / "loop.md").read_text().split())
-    advice = advisor.analyse(parts(config.Config()))
+    advice = advisor.analyse(loop_parameters(config.Config()))
     assert f"gain margin {advice.gain_margin_up_db:.1f} dB at 37.5 Hz" in page
     margins = [f"{min(c.lag_deg, c.lead_deg):.0f} deg at {c.hz:.1f} Hz" for c in advice.crossings]
     assert f"phase margins {', '.join(margins[:-1])} and {margins[-1]}" in page

@@ -92,8 +92,8 @@ def _eigen(m):
         # inverse iteration beside an eigenvalue loses all digits of doubles: in MP, rounded once at the end
         value = MP.mpc(value)
         for _ in range(5):
-            beside = value * (1 + MP.mpf(2) ** -80)
-            shifted = [[m[i][j] - (beside if i == j else 0) for j in range(4)] for i in range(4)]
+            shift = value * (1 + MP.mpf(2) ** -80)
+            shifted = [[m[i][j] - (shift if i == j else 0) for j in range(4)] for i in range(4)]
             vector = solved(shifted, vector)
             vector = [[v[0] / vector[mode][0]] for v in vector]
             value = sum(m[mode][k] * vector[k][0] for k in range(4))
@@ -111,20 +111,20 @@ def _steady(g, phi, excite):
     return solved([[(z if i == j else 0) - g[j][i] for j in range(n)] for i in range(n)], [[v] for v in excite])
 
 
-def _drive(g, step, first, held, phi):
+def _drive(g, step, first, dac_row, phi):
     """What a staircase of 1 V (new value e^(i phi k) in tick k) does: beta, the four modes per tick; and the chain."""
     late = unit(-phi)
     chain = range(first, first + 3)
-    u = [late * g[held][k] + (1 - late) * step[k] for k in range(16)]
+    u = [late * g[dac_row][k] + (1 - late) * step[k] for k in range(16)]
     c = _steady([[g[i][j] for j in chain] for i in chain], phi, [u[k] for k in chain])
     return [u[k] + sum(g[i][k] * c[i - first][0] for i in chain) for k in MODE], [v[0] for v in c]
 
 
-def _noise(g, first, held, phi):
+def _noise_response(g, first, dac_row, phi):
     """As `_drive` for a voltage added to the held output over whole ticks."""
     chain = range(first, first + 3)
-    c = _steady([[g[i][j] for j in chain] for i in chain], phi, [g[held][k] for k in chain])
-    return [g[held][k] + sum(g[i][k] * c[i - first][0] for i in chain) for k in MODE]
+    c = _steady([[g[i][j] for j in chain] for i in chain], phi, [g[dac_row][k] for k in chain])
+    return [g[dac_row][k] + sum(g[i][k] * c[i - first][0] for i in chain) for k in MODE]
 
 
 def _pick(g, q, first, phi, w_tick):
@@ -166,10 +166,10 @@ def _knot(t, n, w_tick, phi0, lags):
     row[ETA : ETA + 4] = _real(eta)
 
     # slow map: L = N++ + N+- S, where S D - D_- S = N_-+ to first order
-    own = [[r[:2] for r in m[:2]] for m in jets]
+    forward = [[r[:2] for r in m[:2]] for m in jets]
     minus = [v.conjugate() for v in values]
     follow = [[[jets[k][2 + i][j] / (values[j] - minus[i]) for j in range(2)] for i in range(2)] for k in range(3)]
-    slow = [[list(r) for r in m] for m in own]
+    slow = [[list(r) for r in m] for m in forward]
     slow[0] = [[values[0], 0j], [0j, values[1]]]
     for a in (1, 2):
         row[S + 8 * (a - 1) : S + 8 * a] = _real(_columns(follow[a]))
@@ -218,7 +218,7 @@ def _share(change, k):
     return min(max(change - k, 0.0), 1.0)
 
 
-def _crossing(b, pull, own, coupling, phi0, shares, d):
+def _crossing(b, pull, mode_map, coupling, phi0, shares, d):
     """Growth in a frame of the mode that is not that of DAC `d`, per rate or stiffness: by F before, by F after."""
     turned, i = unit(-phi0), 1 - d
     out = []
@@ -226,7 +226,10 @@ def _crossing(b, pull, own, coupling, phi0, shares, d):
         a, c = b[d] * 0, b[d] * 0
         for share in shares:
             f = 1 - share if new else share
-            a, c = turned * (own[d][d] * a + b[d] * f), turned * (own[i][i] * c + coupling[i][d] * a + pull[i] * f)
+            a, c = (
+                turned * (mode_map[d][d] * a + b[d] * f),
+                turned * (mode_map[i][i] * c + coupling[i][d] * a + pull[i] * f),
+            )
         out.append(c)
     return out
 
@@ -249,11 +252,11 @@ def _forces(row, t, n, g, lags, modes):
     ticks, nodes = lags.frame_ticks, [DELTA_TURNS * lags.frame_hz * k / 2 for k in range(-2, 3)]
     tick = t.tick_s[n]
     steps = (t.drive_step[n][0][lags.cycle[0]], t.sense_step[n][0][lags.cycle[1]])
-    for d, (first, held) in enumerate(((0, U_DRIVE), (3, U_SENSE))):
+    for d, (first, dac_row) in enumerate(((0, U_DRIVE), (3, U_SENSE))):
         # what a chain gives a mode after its input has gone is its delay's part of a whole tick
         speed = MODE[1 + 2 * d]
-        behind = sum(g[i][speed] for i in range(first, first + 3))
-        change = lags.change_ticks[d] + float(behind / (g[held][speed] + behind))
+        chain_tail = sum(g[i][speed] for i in range(first, first + 3))
+        change = lags.change_ticks[d] + float(chain_tail / (g[dac_row][speed] + chain_tail))
         changes.append(change)
         shares = [_share(change, k) for k in range(ticks)]
         olds, news = [[], []], [[], []]
@@ -261,18 +264,20 @@ def _forces(row, t, n, g, lags, modes):
             delta = 2 * MP.pi * MP.mpf(hz) * MP.mpf(tick)
             phi = phi0 + delta
             # the sine of the DDS phase: Re(-i e^(i theta)), `code_ticks` late
-            late = -1j * unit(-phi * MP.mpf(lags.code_ticks[d]))
-            beta, chain = ([late * v for v in found] for found in _drive(g, steps[d], first, held, phi))
+            sine_phasor = -1j * unit(-phi * MP.mpf(lags.code_ticks[d]))
+            beta, chain = (
+                [sine_phasor * v for v in responses] for responses in _drive(g, steps[d], first, dac_row, phi)
+            )
             b = [sum(inverse[i][k] * beta[k] for k in range(4)) for i in range(4)]
             if hz == 0:
                 row[CHAIN + 6 * d : CHAIN + 6 * d + 6] = _real(chain)
-                row[LEVEL + 2 * d : LEVEL + 2 * d + 2] = _real([late * unit(-phi0)])
+                row[LEVEL + 2 * d : LEVEL + 2 * d + 2] = _real([sine_phasor * unit(-phi0)])
                 slaved = [b[2 + i] / (unit(phi0) - values[i].conjugate()) for i in range(2)]
                 row[SLAVED + 4 * d : SLAVED + 4 * d + 4] = _real(slaved)
                 for jet in (1, 2):
                     pull = [sum(across[jet][i][k] * slaved[k] for k in range(2)) for i in range(2)]
-                    found = _crossing(b, pull, slow[0], slow[jet], phi0, shares, d)
-                    for piece, value in enumerate(found):
+                    responses = _crossing(b, pull, slow[0], slow[jet], phi0, shares, d)
+                    for piece, value in enumerate(responses):
                         at = CROSS + 16 * (jet - 1) + 8 * piece + 4 * d + 2 * (1 - d)
                         row[at : at + 2] = _real([value])
                 for i in range(2):
@@ -289,10 +294,10 @@ def _forces(row, t, n, g, lags, modes):
                 olds[i].append(old * back)
                 news[i].append(new)
         scaled = [2 * float(MP.pi) * hz * tick for hz in nodes]
-        for place, found in ((OLD, olds), (NEW, news)):
+        for offset, responses in ((OLD, olds), (NEW, news)):
             for i in range(2):
-                for degree, value in enumerate(_polynomial(scaled, found[i])):
-                    at = place + 8 * degree + 4 * d + 2 * i
+                for degree, value in enumerate(_polynomial(scaled, responses[i])):
+                    at = offset + 8 * degree + 4 * d + 2 * i
                     row[at : at + 2] = _real([value])
     return tuple(changes)
 
@@ -317,14 +322,14 @@ def design(tables, word0, lags, hold, w_rad_per_s):
     exciting = (
         [g[F_X][k] for k in MODE],
         [g[F_Y][k] for k in MODE],
-        _noise(g, 0, U_DRIVE, phi0),
-        _noise(g, 3, U_SENSE, phi0),
+        _noise_response(g, 0, U_DRIVE, phi0),
+        _noise_response(g, 3, U_SENSE, phi0),
     )
     gains = [2 * sum(inverse[s % 2][k] * vector[k] for k in range(4)) for s, vector in enumerate(exciting)]
-    return Averaged(word0, np.array(rows), _held(gains, values, lags.frame_ticks, hold), changes)
+    return Averaged(word0, np.array(rows), _noise_growth(gains, values, lags.frame_ticks, hold), changes)
 
 
-def _held(gains, values, ticks, hold):
+def _noise_growth(gains, values, ticks, hold):
     """Growth in a frame per N or V of each sample of noise: x by force, y by force, x by DAC, y by DAC; re, im.
 
     A frame may begin `since` ticks behind the first tick of a sample, if no whole number of them fills it.

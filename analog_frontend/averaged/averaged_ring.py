@@ -36,12 +36,12 @@ def act(p, r, temp_degc, rad_per_tick, reference_turns, drive_ref, sense_ref):
         end_c, end_s = times(turn_c, turn_s, half_c, -half_s)
         start_c, start_s = times(r.cosines[state], r.sines[state], begin_c, begin_s)
         stop_c, stop_s = times(r.cosines[state], r.sines[state], end_c, end_s)
-        seen_c, seen_s = 0.0, 0.0
+        demod_c, demod_s = 0.0, 0.0
         for n in range(HALF):
             start_v, stop_v = COS[n] * start_c + SIN[n] * start_s, COS[n] * stop_c + SIN[n] * stop_s
             v = ring_saturation.volts(p, index, weight, channel, start_v, stop_v)
-            seen_c += WEIGHTS_C[n] * v
-            seen_s += WEIGHTS_S[n] * v
-        re, im = times(seen_c, -seen_s, turn_c, turn_s)
+            demod_c += WEIGHTS_C[n] * v
+            demod_s += WEIGHTS_S[n] * v
+        re, im = times(demod_c, -demod_s, turn_c, turn_s)
         r.volts[2 * channel] += re
         r.volts[2 * channel + 1] += im

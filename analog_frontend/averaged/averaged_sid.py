@@ -29,15 +29,15 @@ from typing import NamedTuple
 from analog_frontend.averaged.averaged_modes import RAD_PER_LSB, unit
 from analog_frontend.numeric.vector import (
     ceiling,
-    chosen,
     four,
     high,
-    joined,
+    join_lanes,
     lane,
     load4,
     low,
     pair,
     rows4,
+    select_lanes,
     splat,
     splat4,
     store4,
@@ -99,7 +99,7 @@ def decay(u):
 
 
 @inlined
-def switched(p, crossed):
+def switch_clock(p, crossed):
     """When the switch follows a reference phase that enters a new half turn before clock `crossed`; lanes."""
     if p.retimed:
         # half a clock off, so that the product cannot pass a whole number by its rounding
@@ -150,14 +150,14 @@ def _charged(p, sign, grown):
 
 
 @inlined
-def _under(p, sign, u, grown, h2, h3):
+def _area_slope(p, sign, u, grown, h2, h3):
     """Area under the output since the last edge / RC, and its slope times 2 RC."""
     _, a2, a3, area = grown
     return sign * (area - h3 * u), sign * ((a2 - h2) - (a3 - h3) * p.steeper)
 
 
 @inlined
-def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise, begin):
+def _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin):
     """The first two edges of the frame in every demodulator, eight lanes; returns the state `s` after them.
 
     old, new  (words, their inverses, first clock) before and after the change of the word
@@ -166,103 +166,111 @@ def _two_edges(p, s, waiting, early, old, new, left, later, tilde, poles, noise,
     """
     (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
     zero, one = splat(0.0), splat(1.0)
-    number = joined(splat4(0.0), splat4(1.0)) - joined(waiting, waiting)
-    both = joined(early, early)
-    ahead = joined(later, later) + (number - both) * float(HALF)
+    number = join_lanes(splat4(0.0), splat4(1.0)) - join_lanes(waiting, waiting)
+    both = join_lanes(on_old, on_old)
+    ahead = join_lanes(gap_new, gap_new) + (number - both) * float(HALF)
     # the first that crosses in this frame may do so before the word has changed
-    first = chosen(number, zero, both, zero)
-    word = chosen(one, first, splat(old[0]), splat(new[0]))
-    inverse = chosen(one, first, splat(old[1]), splat(new[1]))
-    base = chosen(one, first, zero, splat(new[2]))
-    ahead = chosen(one, first, joined(left, left), ahead)
-    t = switched(p, base + ceiling(ahead * inverse))
+    first = select_lanes(number, zero, both, zero)
+    word = select_lanes(one, first, splat(old[0]), splat(new[0]))
+    inverse = select_lanes(one, first, splat(old[1]), splat(new[1]))
+    base = select_lanes(one, first, zero, splat(new[2]))
+    ahead = select_lanes(one, first, join_lanes(gap_old, gap_old), ahead)
+    t = switch_clock(p, base + ceiling(ahead * inverse))
     past = (t - base) * word - ahead
-    waited = joined(waiting, splat4(0.0))
-    t = chosen(one, waited, joined(waits, waits), t)
-    past = chosen(one, waited, joined(past_waits, past_waits), past)
-    total = joined(
+    waited = join_lanes(waiting, splat4(0.0))
+    t = select_lanes(one, waited, join_lanes(waits, waits), t)
+    past = select_lanes(one, waited, join_lanes(past_waits, past_waits), past)
+    total = join_lanes(
         _integral(noise, begin, low(t) * p.inverse_noise), _integral(noise, begin, high(t) * p.inverse_noise)
     )
-    signs, since = joined(sign, 0.0 - sign), joined(closed_at, low(t))
-    swept = _swept(p, signs, since, joined(drawn, low(total)), t, past, tilde, poles, total)
+    signs, since = join_lanes(sign, 0.0 - sign), join_lanes(closed_at, low(t))
+    swept = _swept(p, signs, since, join_lanes(drawn, low(total)), t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
-    r1, r2, r3 = joined(r1, h1 - low(w1)), joined(r2, h2 - low(w2)), joined(r3, h3 - low(w3))
+    r1, r2, r3 = join_lanes(r1, h1 - low(w1)), join_lanes(r2, h2 - low(w2)), join_lanes(r3, h3 - low(w3))
     grown = _grown(swept, r1, r2, r3)
     b1, b2, b3 = _charged(p, signs, grown)
-    under, slope = _under(p, signs, swept[4], grown, joined(h2, low(b2)), joined(h3, low(b3)))
-    pick = chosen(splat(p.sampled), t, chosen(since, splat(p.sampled - 1e-6), one, zero), zero)
-    picked = chosen(splat4(1.0), low(pick), (area + low(under), began, low(t), low(slope)), picked)
-    picked = chosen(splat4(1.0), high(pick), (low(under) + high(under), closed_at, high(t), high(slope)), picked)
+    edge_area, slope = _area_slope(p, signs, swept[4], grown, join_lanes(h2, low(b2)), join_lanes(h3, low(b3)))
+    pick = select_lanes(splat(p.sampled), t, select_lanes(since, splat(p.sampled - 1e-6), one, zero), zero)
+    picked = select_lanes(splat4(1.0), low(pick), (area + low(edge_area), began, low(t), low(slope)), picked)
+    picked = select_lanes(
+        splat4(1.0), high(pick), (low(edge_area) + high(edge_area), closed_at, high(t), high(slope)), picked
+    )
     closes = (low(b1) - high(w1), low(b2) - high(w2), low(b3) - high(w3))
     opens = (high(b1), high(b2), high(b3))
-    return closes + opens + (high(t), high(total), sign, high(under), low(t), waits, past_waits, picked)
+    return closes + opens + (high(t), high(total), sign, high(edge_area), low(t), waits, past_waits, picked)
 
 
 @inlined
-def _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin):
+def _last_edge(p, s, waiting, on_old, new, gap_new, tilde, poles, noise, begin):
     """The third edge of the frame where there is one, and what waits for the next frame; returns the state `s`."""
     (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, _, _, picked) = s
     zero, one = splat4(0.0), splat4(1.0)
     word, inverse, base = splat4(new[0]), splat4(new[1]), splat4(new[2])
-    ahead = later + ((2.0 - waiting) - early) * float(HALF)
+    ahead = gap_new + ((2.0 - waiting) - on_old) * float(HALF)
     crossed = base + ceiling(ahead * inverse)
-    t = switched(p, crossed)
+    t = switch_clock(p, crossed)
     past = (t - base) * word - ahead
     end = splat4(p.frame_clocks)
-    acts = chosen(t, end - 1e-6, one, zero)
+    acts = select_lanes(t, end - 1e-6, one, zero)
     # what crosses in this frame and acts in the next one
-    late = chosen(one, acts, zero, chosen(crossed, end, one, zero))
+    deferred = select_lanes(one, acts, zero, select_lanes(crossed, end, one, zero))
     total = _integral(noise, begin, t * p.inverse_noise)
     swept = _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
     grown = _grown(swept, r1, r2, r3)
-    under, slope = _under(p, sign, swept[4], grown, h2, h3)
-    pick = chosen(splat4(p.sampled), t, chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
-    picked = chosen(one, pick, (area + under, began, t, slope), picked)
+    edge_area, slope = _area_slope(p, sign, swept[4], grown, h2, h3)
+    pick = select_lanes(splat4(p.sampled), t, select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
+    picked = select_lanes(one, pick, (area + edge_area, began, t, slope), picked)
     a1, a2, a3 = _charged(p, sign, grown)
-    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, under, closed_at)
-    return chosen(one, acts, after, s[:11]) + chosen(one, late, (t - end, past), (zero - one, zero)) + (picked,)
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, edge_area, closed_at)
+    return (
+        select_lanes(one, acts, after, s[:11])
+        + select_lanes(one, deferred, (t - end, past), (zero - one, zero))
+        + (picked,)
+    )
 
 
 @inlined
-def _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin):
+def _edge(p, s, n, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin):
     """Edge n of the frame, counted from 0, where there is one, or what waits for the next frame; returns the state."""
     (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
     zero, one, end = splat4(0.0), splat4(1.0), splat4(p.frame_clocks)
     number = splat4(float(n)) - waiting
     # the first that crosses in this frame may do so before the word has changed
-    first = chosen(number, zero, early, zero)
-    word = chosen(one, first, splat4(old[0]), splat4(new[0]))
-    inverse = chosen(one, first, splat4(old[1]), splat4(new[1]))
-    base = chosen(one, first, zero, splat4(new[2]))
-    ahead = chosen(one, first, left, later + (number - early) * float(HALF))
+    first = select_lanes(number, zero, on_old, zero)
+    word = select_lanes(one, first, splat4(old[0]), splat4(new[0]))
+    inverse = select_lanes(one, first, splat4(old[1]), splat4(new[1]))
+    base = select_lanes(one, first, zero, splat4(new[2]))
+    ahead = select_lanes(one, first, gap_old, gap_new + (number - on_old) * float(HALF))
     crossed = base + ceiling(ahead * inverse)
-    t = switched(p, crossed)
+    t = switch_clock(p, crossed)
     past = (t - base) * word - ahead
     # one whose switch has not followed in the frame before
-    came = chosen(number, splat4(-0.5), one, zero)
-    t, past = chosen(one, came, waits, t), chosen(one, came, past_waits, past)
-    acts = chosen(t, end - 1e-6, one, zero)
-    late = chosen(one, acts, zero, chosen(crossed, end, one, zero))
+    was_waiting = select_lanes(number, splat4(-0.5), one, zero)
+    t, past = select_lanes(one, was_waiting, waits, t), select_lanes(one, was_waiting, past_waits, past)
+    acts = select_lanes(t, end - 1e-6, one, zero)
+    deferred = select_lanes(one, acts, zero, select_lanes(crossed, end, one, zero))
     # beyond the frame nothing is read
-    t_read = chosen(t, end, t, end)
+    t_read = select_lanes(t, end, t, end)
     total = _integral(noise, begin, t_read * p.inverse_noise)
     swept = _swept(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
     grown = _grown(swept, r1, r2, r3)
-    under, slope = _under(p, sign, swept[4], grown, h2, h3)
+    edge_area, slope = _area_slope(p, sign, swept[4], grown, h2, h3)
     # the first from `sampled` on, or the last of those before it
-    pick = chosen(closed_at, splat4(p.sampled - 1e-6), acts, zero)
-    picked = chosen(one, pick, (area + under, began, t_read, slope), picked)
+    pick = select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero)
+    picked = select_lanes(one, pick, (area + edge_area, began, t_read, slope), picked)
     a1, a2, a3 = _charged(p, sign, grown)
-    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, under, closed_at)
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, edge_area, closed_at)
     # what had waited has acted
-    kept = chosen(one, late, (t - end, past), chosen(one, came, (zero - one, zero), (waits, past_waits)))
-    return chosen(one, acts, after, s[:11]) + kept + (picked,)
+    waits_next = select_lanes(
+        one, deferred, (t - end, past), select_lanes(one, was_waiting, (zero - one, zero), (waits, past_waits))
+    )
+    return select_lanes(one, acts, after, s[:11]) + waits_next + (picked,)
 
 
 @inlined
-def _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noise, begin):
+def _all_edges(p, q, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin):
     """Any number of edges, one after the other; returns the state `s`."""
     # a frame without an edge goes on as the frame before it: one clock long, so that its area is its value
     curve = load4(q, 4 * CURVE)
@@ -271,7 +279,7 @@ def _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noi
     value = (value - curve * p.spread) * p.inverse_rc
     s = s[:13] + ((value, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope * (2.0 * p.rc)),)
     for n in range(p.edges):
-        s = _edge(p, s, n, waiting, early, old, new, left, later, tilde, poles, noise, begin)
+        s = _edge(p, s, n, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin)
     return s
 
 
@@ -287,12 +295,12 @@ def _integral(noise, begin, t):
         int(lane(at, 2)) & PLACES,
         int(lane(at, 3)) & PLACES,
     )
-    rest = at + ceiling(0.0 - at)
-    return four(sums[i], sums[j], sums[k], sums[m]) + four(volts[i], volts[j], volts[k], volts[m]) * rest
+    fraction = at + ceiling(0.0 - at)
+    return four(sums[i], sums[j], sums[k], sums[m]) + four(volts[i], volts[j], volts[k], volts[m]) * fraction
 
 
 @inlined
-def _left(phase, offsets):
+def _phase_gaps(phase, offsets):
     """Phase to the next half turn of each reference: sine and cosine of drive, of sense."""
     d, s = phase + offsets[0], phase + offsets[1]
     quarter = HALF >> 1
@@ -305,14 +313,14 @@ def _left(phase, offsets):
 
 
 @inner
-def _kept(q):
+def _frame_state(q):
     """Rows R1 .. PAST, and what a frame picks: nothing yet."""
     zero, one = splat4(0.0), splat4(1.0)
     return rows4(q, 0, 13) + ((zero, zero, one, zero),)
 
 
 @inner
-def _keep(p, q, s):
+def _store_frame(p, q, s):
     """The same from frame to frame, clocks counted from the end of this one. Mutates `q`."""
     store_rows(q, 0, 4, s[:13])
     store4(q, 4 * CLOSED_AT, s[CLOSED_AT] - p.frame_clocks)
@@ -333,11 +341,11 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
     """
     phase, word_old = before
     turn_clock, turn_phase, word_new = turn
-    left, later = _left(phase, offsets), _left(turn_phase, offsets)
+    gap_old, gap_new = _phase_gaps(phase, offsets), _phase_gaps(turn_phase, offsets)
     zero, one = splat4(0.0), splat4(1.0)
     old, new = (float(word_old), 1.0 / word_old, 0.0), (float(word_new), 1.0 / word_new, float(turn_clock))
-    early = chosen(ceiling(left * old[1]), splat4(float(turn_clock)), one, zero)
-    waiting = chosen(zero, load4(q, 4 * WAITING), one, zero)
+    on_old = select_lanes(ceiling(gap_old * old[1]), splat4(float(turn_clock)), one, zero)
+    waiting = select_lanes(zero, load4(q, 4 * WAITING), one, zero)
     base_r, base_i = rows4(base, 0, 2)
     tilde = (
         base_r,
@@ -353,13 +361,13 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
         pair(v[16], v[18]) * base_r - pair(v[17], v[19]) * base_i,
         pair(v[20], v[22]) * base_r - pair(v[21], v[23]) * base_i,
     )
-    s = _kept(q)
+    s = _frame_state(q)
     if p.edges:
-        s = _all_edges(p, q, s, waiting, early, old, new, left, later, tilde, poles, noise, begin)
+        s = _all_edges(p, q, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin)
     else:
-        s = _two_edges(p, s, waiting, early, old, new, left, later, joined(tilde, tilde), poles, noise, begin)
-        s = _last_edge(p, s, waiting, early, new, later, tilde, poles, noise, begin)
-    _keep(p, q, s)
+        s = _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, join_lanes(tilde, tilde), poles, noise, begin)
+        s = _last_edge(p, s, waiting, on_old, new, gap_new, tilde, poles, noise, begin)
+    _store_frame(p, q, s)
     total, since, until, slope = s[-1]
     slope = slope * (0.5 * p.inverse_rc) + p.charge_slope
     length, span = until - since, until - load4(q, 4 * UNTIL)

@@ -27,18 +27,18 @@ FIRST = (
 ).split()
 
 
-def _place(module):
+def _sort_key(module):
     name = module.INFO.name
     return (FIRST.index(name), "") if name in FIRST else (len(FIRST), name)
 
 
-def _found():
+def _effect_modules():
     names = (found.name for found in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."))
     modules = [importlib.import_module(name) for name in names if name != __name__]
-    return tuple(sorted((m for m in modules if hasattr(m, "terms")), key=_place))
+    return tuple(sorted((m for m in modules if hasattr(m, "terms")), key=_sort_key))
 
 
-LAWS = _found()
+LAWS = _effect_modules()
 
 
 def laws(effect, value, device):

@@ -102,21 +102,21 @@ def parse(text):
     port, equals, right = (part.strip() for part in text.partition("="))
     if not equals or port not in PORTS:
         raise ValueError(f"{where}: expected 'PORT = coefficient factors', PORT one of {', '.join(PORTS)}")
-    head, *rest = right.replace("*", " ").split() or [""]
+    head, *factors = right.replace("*", " ").split() or [""]
     try:
         coefficient = float(head)
     except ValueError:
         raise ValueError(f"{where}: {head!r} is not a coefficient") from None
     if not math.isfinite(coefficient):
         raise ValueError(f"{where}: coefficient {coefficient} is not finite")
-    return checked(Law(port, coefficient, tuple(_factor(item, where) for item in rest)), where)
+    return check_law(Law(port, coefficient, tuple(_factor(item, where) for item in factors)), where)
 
 
 def _factor(item, where):
-    found = _FACTOR.fullmatch(item)
-    if not found:
+    match = _FACTOR.fullmatch(item)
+    if not match:
         raise ValueError(f"{where}: {item!r} is not a factor")
-    form, inside, name, power = found.groups()
+    form, inside, name, power = match.groups()
     power = int(power or 1)
     if form in TIMES:
         try:
@@ -133,15 +133,15 @@ def _factor(item, where):
     return Factor(name, {"abs": ABS, "sgn": SGN}.get(form, PLAIN), power)
 
 
-def checked(law, where="law"):
+def check_law(law, where="law"):
     """The law, if an engine can run it; ValueError."""
     states = sum(f.power for f in law.factors if f.name in STATES)
     if states > MOST_FACTORS or any(not 1 <= f.power <= MOST_FACTORS for f in law.factors):
         raise ValueError(f"{where}: more than {MOST_FACTORS} factors of the state")
     for name in (*law.factors,):
-        known = [f.name for f in law.factors if f.name not in STATES]
+        arguments = [f.name for f in law.factors if f.name not in STATES]
         group = TIMES if name.name in TIMES else (name.name,)
-        if name.name not in STATES and sum(n in group for n in known) > 1:
+        if name.name not in STATES and sum(n in group for n in arguments) > 1:
             raise ValueError(f"{where}: {name.name} stands in it twice")
     names = {f.name for f in law.factors}
     if law.port in FORCE_PORTS and names & set(OUTPUTS):
@@ -210,7 +210,7 @@ def _cosine(turns):
 
 
 @inlined
-def _decay(x):
+def _exp_decay(x):
     """e^-x for x >= 0, to 1e-9."""
     if x > 40.0:
         return 0.0
@@ -242,7 +242,7 @@ def _in_time(kind, argument, t_s, key0, key1):
         turns = argument * t_s - (0.25 if kind == 2 else 0.0)
         return _cosine(turns - np.floor(turns))
     if kind == 3:
-        return 1.0 - _decay(t_s / argument)
+        return 1.0 - _exp_decay(t_s / argument)
     if kind == 5:
         return _walk(key0, key1, t_s / argument)
     if kind == 6:
@@ -266,34 +266,34 @@ def gains(force, cv, temp_ref_degc, table, numbers, rate_rad_s, temp_degc, t_s, 
 
 
 @inlined
-def value(table, gain, k, w, places, at):
+def value(table, gain, k, w, offsets, at):
     """Law `k` from the states at w[places[state] + at]."""
     v = gain[k]
     for j in range(FIRST, FIRST + table[k, COUNT]):
         code = table[k, j]
-        v = v * dressed(w[places[code & 15] + at], code & 48)
+        v = v * dressed(w[offsets[code & 15] + at], code & 48)
     return v
 
 
 @inlined
-def acting(w, places, state, at, end, leads):
+def acting(w, offsets, state, at, end, leads):
     """A state at a tick's first instant; of an electrode its mean about that instant."""
-    v = w[places[state] + at]
+    v = w[offsets[state] + at]
     if state == U:
-        return v + leads[0] * (w[places[U] + end] - v)
+        return v + leads[0] * (w[offsets[U] + end] - v)
     if state == W:
-        return v + leads[1] * (w[places[W] + end] - v)
+        return v + leads[1] * (w[offsets[W] + end] - v)
     return v
 
 
 @inlined
-def impulses(force, table, gain, w, places, at, end, leads):
+def impulses(force, table, gain, w, offsets, at, end, leads):
     """Impulses on vx/W and vy/W (m) of all force laws in one tick; `end` is the place of its last instant."""
     x, y = 0.0, 0.0
     for k in range(force):
         v = gain[k]
         for j in range(FIRST, FIRST + table[k, COUNT]):
-            v = v * dressed(acting(w, places, table[k, j] & 15, at, end, leads), table[k, j] & 48)
+            v = v * dressed(acting(w, offsets, table[k, j] & 15, at, end, leads), table[k, j] & 48)
         if table[k, AT_PORT] == 0:
             x = x + v
         else:
@@ -302,12 +302,12 @@ def impulses(force, table, gain, w, places, at, end, leads):
 
 
 @inlined
-def volts(force, cv, table, numbers, gain, w, places, at, end):
+def volts(force, cv, table, numbers, gain, w, offsets, at, end):
     """What all C/V laws add in one tick at the two outputs (V), from the states at both of its ends."""
     x, y = 0.0, 0.0
     for k in range(force, force + cv):
         share = numbers[k, END]
-        v = (1.0 - share) * value(table, gain, k, w, places, at) + share * value(table, gain, k, w, places, end)
+        v = (1.0 - share) * value(table, gain, k, w, offsets, at) + share * value(table, gain, k, w, offsets, end)
         if table[k, AT_PORT] == 2:
             x = x + v
         else:

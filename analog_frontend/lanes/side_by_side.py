@@ -20,7 +20,7 @@ import numpy as np
 from analog_frontend import effects
 from analog_frontend.effects import law
 from analog_frontend.linear import BLOCK, INPUTS
-from analog_frontend.numeric.arena import places
+from analog_frontend.numeric.arena import record_layout
 from analog_frontend.numeric.records import split
 from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import LANES
@@ -140,5 +140,5 @@ class SideBySide(NamedTuple):
     place: int64s(LANES)  # scratch: its place in the list
 
 
-AT = places(SideBySide)
+AT = record_layout(SideBySide)
 opened = AT.opened

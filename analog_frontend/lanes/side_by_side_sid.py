@@ -25,7 +25,7 @@ from analog_frontend.lanes.side_by_side import (
 from analog_frontend.numeric.vector import clamped, integers, load, splat, store, store_rows
 from analog_frontend.parts import noise, sid
 from analog_frontend.parts.sid import STAGES, TERMS
-from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, acting, switched
+from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, acting, apply_switches
 from fpga_model.jit import inlined, outlined
 
 LATER = 1 << 40
@@ -54,7 +54,7 @@ def _output(v, d):
 
 
 @outlined
-def begin(floats, ints):
+def begin_block(floats, ints):
     """The first tick of a block at which the switches of each plant move. Mutates `v.due`, `v.place`, `v.out`."""
     v = opened(floats, ints)
     for plant in range(LANES):
@@ -72,7 +72,7 @@ def begin(floats, ints):
 
 
 @inlined
-def _gathered(v, tick, first, n, plant):
+def _gather_edges(v, tick, first, n, plant):
     """The edges of one plant in a strip, one a slot: how many; -1 where a switch acts a tick after its edge.
 
     Mutates v.given, v.counters, v.which.
@@ -107,7 +107,7 @@ def _gathered(v, tick, first, n, plant):
 
 
 @inlined
-def _response(v, v0, a, b, v1, s):
+def _edge_response(v, v0, a, b, v1, s):
     """As sid.response, for an edge of each plant."""
     rise = v1 - v0
     c2 = 3.0 * rise - 2.0 * a - b
@@ -142,7 +142,7 @@ def _answered(v, slot):
     v0, v1 = load(v.given, x + V0 * LANES), load(v.given, x + V1 * LANES)
     dv0 = (gain * load(v.given, x + BEFORE * LANES) - v0) / driver_s
     dv1 = (gain * load(v.given, x + AFTER * LANES) - v1) / driver_s
-    store_rows(v.factors, f, LANES, _response(v, v0, dv0 * h_s, dv1 * h_s, v1, s))
+    store_rows(v.factors, f, LANES, _edge_response(v, v0, dv0 * h_s, dv1 * h_s, v1, s))
     store_rows(v.factors, f + FIRST * LANES, LANES, sid.factors(r * s))
     store_rows(v.factors, f + SECOND * LANES, LANES, sid.factors(r * (1.0 - s)))
 
@@ -154,7 +154,7 @@ def gather(floats, ints, tick, first, n):
     soonest, most = LATER, 0
     for plant in range(LANES):
         v.slot[plant] = 0
-        v.slots[plant] = _gathered(v, tick, first, n, plant)
+        v.slots[plant] = _gather_edges(v, tick, first, n, plant)
         most = max(most, v.slots[plant])
         soonest = min(soonest, v.due[plant])
     for slot in range(most):
@@ -163,7 +163,7 @@ def gather(floats, ints, tick, first, n):
 
 
 @inlined
-def _segment(v, f, n, w1, w2, w3, q1, q2, q3):
+def _segment_lanes(v, f, n, w1, w2, w3, q1, q2, q3):
     """Three capacitors, less the response at the piece's beginning, over a piece; f its factors. As sid.py's."""
     e, e2, e3 = v.factors[f], v.factors[f + LANES], v.factors[f + 2 * LANES]
     s1, s2, s3 = v.factors[f + 3 * LANES], v.factors[f + 4 * LANES], v.factors[f + 5 * LANES]
@@ -175,7 +175,7 @@ def _segment(v, f, n, w1, w2, w3, q1, q2, q3):
 
 
 @inlined
-def _applied(v, t, plant, moved):
+def _applied(v, t, plant, touched_count):
     """The edges of one plant in tick `t` of the block, behind `moved` of others; returns how many there are now.
 
     Leaves what they give in v.fixed and v.touched.
@@ -187,31 +187,31 @@ def _applied(v, t, plant, moved):
         ref, n = v.switch[plant, d], v.given[x + ADDED * LANES]
         q1, q2, q3 = v.factors[f], v.factors[f + LANES], v.factors[f + 2 * LANES]
         w1, w2, w3 = v.on[at], v.on[at + LANES], v.on[at + 2 * LANES]
-        w1, w2, w3 = _segment(v, f + FIRST * LANES, n, w1, w2, w3, q1, q2, q3)
+        w1, w2, w3 = _segment_lanes(v, f + FIRST * LANES, n, w1, w2, w3, q1, q2, q3)
         opens = 0 if ref else STAGES
-        place = DEMODULATORS * plant + d
-        fixed = v.fixed[place]
+        index = DEMODULATORS * plant + d
+        fixed = v.fixed[index]
         fixed[STAGES] = w1 + v.sid_inject[plant, opens]
         fixed[STAGES + 1] = w2 + v.sid_inject[plant, opens + 1]
         fixed[STAGES + 2] = w3 + v.sid_inject[plant, opens + 2]
         w1, w2, w3 = v.off[at] - q1, v.off[at + LANES] - q2, v.off[at + 2 * LANES] - q3
         p1, p2, p3 = v.given[x + P1 * LANES], v.given[x + (P1 + 1) * LANES], v.given[x + (P1 + 2) * LANES]
-        fixed[0], fixed[1], fixed[2] = _segment(v, f + SECOND * LANES, n, w1, w2, w3, p1, p2, p3)
+        fixed[0], fixed[1], fixed[2] = _segment_lanes(v, f + SECOND * LANES, n, w1, w2, w3, p1, p2, p3)
         v.switch[plant, d] = 0 if ref else 1
-        v.touched[moved] = place
+        v.touched[touched_count] = index
         v.slot[plant] = slot + 1
-        moved += 1
+        touched_count += 1
         k += 1
     v.place[plant] = k
     v.due[plant] = v.edges[plant, k, 0] // v.clocks[0] if k < v.edge_counts[plant] else LATER
-    return moved
+    return touched_count
 
 
 # ---- one plant's tick by itself ------------------------------------------------------------------------------------
 
 
 @inlined
-def _grouped(v, plant, d, ref):
+def _load_group(v, plant, d, ref):
     """Capacitors of one demodulator of one plant as sid.py has them, into row `d` of v.caps. Mutates it."""
     for k in range(STAGES):
         at = (3 * d + k) * LANES + plant
@@ -220,7 +220,7 @@ def _grouped(v, plant, d, ref):
 
 
 @outlined
-def _alone(floats, ints, tick, t, row, plant, moved):
+def _switch_plant(floats, ints, tick, t, row, plant, touched_count):
     """Tick `t` of a block for a plant in which switches move, in place `row` of the strip; as `_applied`."""
     v = opened(floats, ints)
     edge_count, edges = v.edge_counts[plant], v.edges[plant]
@@ -235,42 +235,42 @@ def _alone(floats, ints, tick, t, row, plant, moved):
     p = sid.Params(q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], v.sid_inject[plant], v.sid_taylor[plant])
     switches = Switches(v.switch_tau_s[plant], v.switch_carry[plant], jitter, p.h_s, v.clocks[0])
     gain, driver_s, w, k = v.slope_gain[plant], v.driver_s[plant], v.w, row * LANES + plant
-    kept = 0
+    pending = 0
     for d in range(DEMODULATORS):
-        ref, late_tau_s, waiting = v.switch[plant, d], v.late_tau_s[plant, d], v.late_count[plant, d]
-        count, late = acting(switches, tick + t, t, d, ref, first, last, edges, late_tau_s, waiting, v.taus_s)
-        v.late_count[plant, d] = late
-        kept += late
+        ref, pending_tau_s, waiting = v.switch[plant, d], v.late_tau_s[plant, d], v.late_count[plant, d]
+        count, deferred = acting(switches, tick + t, t, d, ref, first, last, edges, pending_tau_s, waiting, v.taus_s)
+        v.late_count[plant, d] = deferred
+        pending += deferred
         if count > 0:
             path, cv, n = (PATH_X + k, CX1 + ROW + k, w[NX + k]) if d < 2 else (PATH_Y + k, CY1 + ROW + k, w[NY + k])
             p1, p2, p3 = w[path], w[path + ROW], w[path + 2 * ROW]
             before, v0, after, v1 = w[cv], w[cv + ROW], w[cv + LANES], w[cv + ROW + LANES]
             dv0, dv1 = (gain * before - v0) / driver_s, (gain * after - v1) / driver_s
-            _grouped(v, plant, d, ref)
-            ref = switched(p, v.caps, d, ref, v.taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1)
+            _load_group(v, plant, d, ref)
+            ref = apply_switches(p, v.caps, d, ref, v.taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1)
             v.switch[plant, d] = ref
-            place = DEMODULATORS * plant + d
+            index = DEMODULATORS * plant + d
             for i in range(STAGES):
-                v.fixed[place, i] = v.caps[d, i if ref else STAGES + i]
-                v.fixed[place, STAGES + i] = v.caps[d, STAGES + i if ref else i]
-            v.touched[moved] = place
-            moved += 1
+                v.fixed[index, i] = v.caps[d, i if ref else STAGES + i]
+                v.fixed[index, STAGES + i] = v.caps[d, STAGES + i if ref else i]
+            v.touched[touched_count] = index
+            touched_count += 1
     v.due[plant] = edges[last, 0] // v.clocks[0] if last < edge_count else LATER
-    if kept > 0:
+    if pending > 0:
         v.due[plant] = t + 1
-    return moved
+    return touched_count
 
 
 # ---- a strip -------------------------------------------------------------------------------------------------------
 
 
 @inlined
-def _repaired(v, t, moved):
+def _repaired(v, t, touched_count):
     """Capacitors and outputs of the demodulators with an edge in tick `t`, over those of a tick without one."""
-    for i in range(moved):
-        place = v.touched[i]
-        plant, d = place // DEMODULATORS, place % DEMODULATORS
-        fixed = v.fixed[place]
+    for i in range(touched_count):
+        index = v.touched[i]
+        plant, d = index // DEMODULATORS, index % DEMODULATORS
+        fixed = v.fixed[index]
         for k in range(STAGES):
             at = (3 * d + k) * LANES + plant
             v.on[at] = fixed[k]
@@ -297,20 +297,20 @@ def demodulate(floats, ints, tick, first, n):
     v = opened(floats, ints)
     soonest = gather(floats, ints, tick, first, n)
     for t in range(n):
-        moved = 0
+        touched_count = 0
         if first + t == soonest:
             soonest = LATER
             for plant in range(LANES):
                 if v.due[plant] == first + t:
                     if v.slots[plant] < 0:
-                        moved = _alone(floats, ints, tick, first + t, t, plant, moved)
+                        touched_count = _switch_plant(floats, ints, tick, first + t, t, plant, touched_count)
                     else:
-                        moved = _applied(v, first + t, plant, moved)
+                        touched_count = _applied(v, first + t, plant, touched_count)
                 soonest = min(soonest, v.due[plant])
         f1, f2, f3 = _feed(v, t * LANES, PATH_X, NX)
         g1, g2, g3 = _feed(v, t * LANES, PATH_Y, NY)
         drive = _followed(v, 0, f1, f2, f3), _followed(v, 1, f1, f2, f3)
         sense = _followed(v, 2, g1, g2, g3), _followed(v, 3, g1, g2, g3)
         store_rows(v.out, (first + t + 1) * LANES, TICKS * LANES, drive + sense)
-        if moved:
-            _repaired(v, first + t, moved)
+        if touched_count:
+            _repaired(v, first + t, touched_count)

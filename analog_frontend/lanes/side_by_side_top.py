@@ -5,17 +5,17 @@ Source    docs/decisions/0012-lanes.md
 
 from analog_frontend.lanes.side_by_side import STRIP
 from analog_frontend.lanes.side_by_side_linear import linear
-from analog_frontend.lanes.side_by_side_sid import begin, demodulate
+from analog_frontend.lanes.side_by_side_sid import begin_block, demodulate
 from fpga_model.jit import outlined
 
 
 @outlined
-def block(kind, floats, ints, tick, n):
+def advance_lanes(kind, floats, ints, tick, n):
     """`n` ticks of all eight from `tick` on, all of one frame. Mutates both arrays.
 
     kind  of an effects.Params. v.codes holds what the DACs put out, v.edges the reference edges
     """
-    begin(floats, ints)
+    begin_block(floats, ints)
     for first in range(0, n, STRIP):
         count = min(STRIP, n - first)
         linear(kind, floats, ints, tick, first, count)

@@ -26,7 +26,7 @@ from fpga_model.jit import DISABLED
 ITEM_BYTES = 8
 
 
-class Places(NamedTuple):
+class RecordLayout(NamedTuple):
     """Where the arrays of a record stand."""
 
     rows: tuple  # (name, kind, place, shape)
@@ -34,17 +34,17 @@ class Places(NamedTuple):
     opened: object  # function of both arrays that returns the record
 
 
-def _whole(size):
+def _round_up(size):
     return -(-size // LANES) * LANES
 
 
-def places(record, first=(0, 0)):
+def record_layout(record, first=(0, 0)):
     """Places of the arrays of `record`, behind `first` (doubles, integers)."""
     sizes, rows = list(first), []
     for name, (kind, shape) in record.__annotations__.items():
         rows.append((name, kind, sizes[kind], shape))
-        sizes[kind] += _whole(prod(shape))
-    return Places(tuple(rows), tuple(sizes), _python(record, rows) if DISABLED else _native(record, rows))
+        sizes[kind] += _round_up(prod(shape))
+    return RecordLayout(tuple(rows), tuple(sizes), _python_views(record, rows) if DISABLED else _native(record, rows))
 
 
 def room(sizes):
@@ -54,31 +54,31 @@ def room(sizes):
 
 def views(record, at, floats, integers):
     """The record for Python."""
-    return _python(record, at.rows)(floats, integers)
+    return _python_views(record, at.rows)(floats, integers)
 
 
-def _python(record, rows):
-    def opened(floats, integers):
+def _python_views(record, rows):
+    def open_views(floats, integers):
         arrays = (floats, integers)
         return record(*(arrays[kind][at : at + prod(shape)].reshape(shape) for _, kind, at, shape in rows))
 
-    return opened
+    return open_views
 
 
 def _native(record, rows):
     items = (types.float64, types.int64)
-    whole = types.NamedTuple([types.Array(items[kind], len(shape), "C") for _, kind, _, shape in rows], record)
+    record_type = types.NamedTuple([types.Array(items[kind], len(shape), "C") for _, kind, _, shape in rows], record)
     word = ir.IntType(64)
 
     def number(value):
         return ir.Constant(word, value)
 
-    def view(context, builder, kind, base, place, shape):
+    def view(context, builder, kind, base, offset, shape):
         array = make_array(kind)(context, builder)
         strides = [prod(shape[k + 1 :]) * ITEM_BYTES for k in range(len(shape))]
         populate_array(
             array,
-            data=builder.gep(base.data, [number(place)]),
+            data=builder.gep(base.data, [number(offset)]),
             shape=[number(n) for n in shape],
             strides=[number(n) for n in strides],
             itemsize=number(ITEM_BYTES),
@@ -87,21 +87,21 @@ def _native(record, rows):
         return array._getvalue()
 
     @intrinsic
-    def opened(typingctx, floats, integers):
+    def open_views(typingctx, floats, integers):
         def codegen(context, builder, signature, args):
             bases = [make_array(t)(context, builder, a) for t, a in zip(signature.args, args)]
             arrays = [
-                view(context, builder, whole.types[k], bases[kind], place, shape)
+                view(context, builder, record_type.types[k], bases[kind], place, shape)
                 for k, (_, kind, place, shape) in enumerate(rows)
             ]
-            return context.make_tuple(builder, whole, arrays)
+            return context.make_tuple(builder, record_type, arrays)
 
-        return whole(floats, integers), codegen
+        return record_type(floats, integers), codegen
 
-    return opened
+    return open_views
 
 
-def _row(kind, python, native):
+def _array_view(kind, python, native):
     """Function of an address and a number: that many numbers that stand there."""
     if DISABLED:
         return lambda address, n: np.frombuffer((python * n).from_address(address), native)
@@ -121,6 +121,6 @@ def _row(kind, python, native):
     return row_at
 
 
-int32_at = _row(types.int32, ctypes.c_int32, np.int32)
-int64_at = _row(types.int64, ctypes.c_int64, np.int64)
-float64_at = _row(types.float64, ctypes.c_double, np.float64)
+int32_at = _array_view(types.int32, ctypes.c_int32, np.int32)
+int64_at = _array_view(types.int64, ctypes.c_int64, np.int64)
+float64_at = _array_view(types.float64, ctypes.c_double, np.float64)

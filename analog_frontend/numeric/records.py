@@ -61,7 +61,7 @@ def split(record):
     return ints, floats
 
 
-def _taken_python(kind, ints, floats):
+def _unpack_python(kind, ints, floats):
     ints, floats = iter(ints), iter(floats)
 
     def build(node):
@@ -76,27 +76,27 @@ def _taken_python(kind, ints, floats):
 
 
 @intrinsic
-def _taken_native(typingctx, kind, ints, floats):
+def _unpack_native(typingctx, kind, ints, floats):
     record = kind.record if isinstance(kind, KindType) else kind
 
     def codegen(context, builder, signature, args):
         arrays = [context.make_array(signature.args[k])(context, builder, args[k]) for k in (1, 2)]
-        places = [0, 0]
+        positions = [0, 0]
 
         def get(which, kind):
             array_type = signature.args[1 + which]
-            place = context.get_constant(types.intp, places[which])
-            pointer = cgutils.get_item_pointer(context, builder, array_type, arrays[which], [place])
-            places[which] += 1
+            position = context.get_constant(types.intp, positions[which])
+            pointer = cgutils.get_item_pointer(context, builder, array_type, arrays[which], [position])
+            positions[which] += 1
             value = context.unpack_value(builder, array_type.dtype, pointer)
             return context.cast(builder, value, array_type.dtype, kind)
 
         def build(kind):
             if isinstance(kind, types.BaseTuple):
-                whole = ir.Constant(context.get_value_type(kind), ir.Undefined)
+                struct = ir.Constant(context.get_value_type(kind), ir.Undefined)
                 for k, item in enumerate(kind.types):
-                    whole = builder.insert_value(whole, build(item), k)
-                return whole
+                    struct = builder.insert_value(struct, build(item), k)
+                return struct
             if isinstance(kind, types.NoneType):
                 return context.get_dummy_value()
             return get(1 if isinstance(kind, types.Float) else 0, kind)
@@ -106,4 +106,4 @@ def _taken_native(typingctx, kind, ints, floats):
     return record(kind, ints, floats), codegen
 
 
-taken = _taken_python if DISABLED else _taken_native
+unpack_record = _unpack_python if DISABLED else _unpack_native

@@ -66,9 +66,9 @@ if DISABLED:
         """`count` times four lanes, one behind the other."""
         return tuple(load4(a, i + 4 * k) for k in range(count))
 
-    def joined(a, b):
+    def join_lanes(a, b):
         """Eight lanes from four and four, or a tuple of such from two tuples."""
-        return tuple(map(joined, a, b)) if isinstance(a, tuple) else np.concatenate([a, b])
+        return tuple(map(join_lanes, a, b)) if isinstance(a, tuple) else np.concatenate([a, b])
 
     def low(v):
         """The first four of eight lanes."""
@@ -86,9 +86,11 @@ if DISABLED:
         """i v: two complex numbers, re, im, re, im."""
         return np.array((-v[1], v[0], -v[3], v[2]))
 
-    def chosen(a, b, x, y):
+    def select_lanes(a, b, x, y):
         """x where a <= b, else y; each of tuples."""
-        return tuple(chosen(a, b, *pair) for pair in zip(x, y)) if isinstance(x, tuple) else np.where(a <= b, x, y)
+        return (
+            tuple(select_lanes(a, b, *pair) for pair in zip(x, y)) if isinstance(x, tuple) else np.where(a <= b, x, y)
+        )
 
     def lane(v, k):
         """Lane k."""
@@ -118,12 +120,11 @@ if DISABLED:
 else:
     from analog_frontend.numeric.vector_native import (  # noqa: F401
         ceiling,
-        chosen,
         clamped,
         four,
         high,
         integers,
-        joined,
+        join_lanes,
         lane,
         larger,
         load,
@@ -131,6 +132,7 @@ else:
         low,
         pair,
         rows4,
+        select_lanes,
         splat,
         splat4,
         store,

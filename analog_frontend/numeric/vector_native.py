@@ -34,8 +34,8 @@ INTEGERS = Vector("integers", ir.IntType(64), LANES)
 _INT32 = ir.IntType(32)
 
 
-def _shuffled(builder, x, y, places):
-    return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, len(places)), list(places)))
+def _shuffled(builder, x, y, lanes):
+    return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, len(lanes)), list(lanes)))
 
 
 def _pointer(context, builder, signature, args, native, offset=0):
@@ -45,7 +45,7 @@ def _pointer(context, builder, signature, args, native, offset=0):
     return builder.bitcast(place, native.as_pointer())
 
 
-def _each(context, builder, result, apply, *args):
+def _map_registers(context, builder, result, apply, *args):
     """`apply` of registers, or of each of tuples of them."""
     if not isinstance(result, types.BaseTuple):
         return apply(*args)
@@ -116,12 +116,12 @@ def rows4(typingctx, a, i, count):
     return rows(a, i, count), codegen
 
 
-def _gathered(places):
+def _gather_scalars(order):
     """Four lanes from scalars: lane k is argument `places[k]`."""
 
     def codegen(context, builder, signature, args):
         v = ir.Constant(QUAD.native, ir.Undefined)
-        for k, place in enumerate(places):
+        for k, place in enumerate(order):
             v = builder.insert_element(v, args[place], ir.Constant(_INT32, k))
         return v
 
@@ -130,12 +130,12 @@ def _gathered(places):
 
 @intrinsic
 def four(typingctx, a, b, c, d):
-    return QUAD(types.float64, types.float64, types.float64, types.float64), _gathered((0, 1, 2, 3))
+    return QUAD(types.float64, types.float64, types.float64, types.float64), _gather_scalars((0, 1, 2, 3))
 
 
 @intrinsic
 def pair(typingctx, a, b):
-    return QUAD(types.float64, types.float64), _gathered((0, 0, 1, 1))
+    return QUAD(types.float64, types.float64), _gather_scalars((0, 0, 1, 1))
 
 
 @intrinsic
@@ -156,11 +156,11 @@ def ceiling(typingctx, v):
 
 
 @intrinsic
-def joined(typingctx, a, b):
+def join_lanes(typingctx, a, b):
     whole = types.UniTuple(VECTOR, len(a)) if isinstance(a, types.BaseTuple) else VECTOR
 
     def codegen(context, builder, signature, args):
-        return _each(context, builder, whole, lambda x, y: _shuffled(builder, x, y, range(8)), *args)
+        return _map_registers(context, builder, whole, lambda x, y: _shuffled(builder, x, y, range(8)), *args)
 
     return whole(a, b), codegen
 
@@ -186,10 +186,10 @@ def turned4(typingctx, v):
 
 
 @intrinsic
-def chosen(typingctx, a, b, x, y):
+def select_lanes(typingctx, a, b, x, y):
     def codegen(context, builder, signature, args):
         test = builder.fcmp_ordered("<=", args[0], args[1])
-        return _each(context, builder, x, lambda u, v: builder.select(test, u, v), *args[2:])
+        return _map_registers(context, builder, x, lambda u, v: builder.select(test, u, v), *args[2:])
 
     return x(a, a, x, x), codegen
 

@@ -40,20 +40,20 @@ def diode_charge(u):
     return step / 3.0 * sum(weight * density(k * step) for k, weight in enumerate(weights))
 
 
-def _ring(device, channel, temp_degc):
+def _ring_noise(device, channel, temp_degc):
     """(charge noise V/rtHz, resistance ohm that the ring shows between its two outputs)."""
     arguments = ring_diode.arguments(device, channel, temp_degc)
-    ring, (carrier_v, carrier_hz, *_, diode_degc, _) = ring_diode.ring(*arguments), arguments
+    ring, (carrier_v, carrier_hz, *_, diode_degc, _) = ring_diode.diode_ring(*arguments), arguments
     kt = BOLTZMANN_J_PER_K * (diode_degc + ZERO_DEGC_K)
     ct = (carrier_v - 2.0 * ring.vf_v) / ring.textbook_gain_v_per_f
     u = math.atanh(math.exp(-ring.vf_v * CHARGE_Q / (device.diode_n * kt)))
-    made = math.sqrt(2.0 * device.diode_n * kt * diode_charge(u) / (carrier_hz * ct)) / ring.g
-    return made, 1.0 / (2.0 * carrier_hz * ct * ring.g)
+    charge_noise = math.sqrt(2.0 * device.diode_n * kt * diode_charge(u) / (carrier_hz * ct)) / ring.g
+    return charge_noise, 1.0 / (2.0 * carrier_hz * ct * ring.g)
 
 
 def cv_noise_shares(device, temp_degc, channel="sense"):
     """{source: one-sided V/rtHz at the ring's output} of "drive" or "sense"; `device` as it is at temp_ref."""
-    warm = thermal.at_temperature(device, temp_degc)
+    warm = thermal.device_at_temperature(device, temp_degc)
     shares = {
         "rest": device.cv_noise_v_per_rthz,
         "carrier": device.carrier_noise_v_per_rthz * device.c0_imbalance_f / (device.c0_f + device.cp_f),
@@ -64,8 +64,8 @@ def cv_noise_shares(device, temp_degc, channel="sense"):
     }
     # the ring is only asked where somebody wants to know: a chain of another kind has none
     if device.ring_noise_on or device.ina_current_noise_a_per_rthz:
-        own, ohm = _ring(device, channel, temp_degc)
-        shares["ring"] = own if device.ring_noise_on else 0.0
+        ring_noise, ohm = _ring_noise(device, channel, temp_degc)
+        shares["ring"] = ring_noise if device.ring_noise_on else 0.0
         shares["current"] = warm.ina_current_noise_a_per_rthz * ohm / math.sqrt(2.0)
     return shares
 

@@ -152,11 +152,11 @@ FIELDS = tuple(Field(name, *limits) for name, limits in Device.__annotations__.i
 PGA_GAINS = (1, 2, 3, 4, 6, 8, 12)
 
 
-def _checked(field, value):
+def _check_field(field, value):
     """`value` as the plain float or int the field holds; raises if it is neither, not finite or out of range."""
     kind = type(Device._field_defaults[field.name])
-    wanted = Integral if kind is int else Real
-    if isinstance(value, bool) or not isinstance(value, wanted):
+    number_type = Integral if kind is int else Real
+    if isinstance(value, bool) or not isinstance(value, number_type):
         raise ValueError(
             f"{field.name} = {value!r} is {type(value).__name__}, not {kind.__name__} "
             f"(limits {field.lo:g} .. {field.hi:g}, unit {field.unit})"
@@ -172,7 +172,7 @@ def _checked(field, value):
 
 def validate(device):
     """The same device with every field a plain float or int; ValueError names field, value, limits and unit."""
-    return Device(*(_checked(field, value) for field, value in zip(FIELDS, device)))
+    return Device(*(_check_field(field, value) for field, value in zip(FIELDS, device)))
 
 
 def make(**values):

@@ -102,7 +102,7 @@ class Flicker(NamedTuple):
     on: int
 
 
-def _poles():
+def _flicker_poles():
     """Decay over a sample, gain of the 16-bit number, and stationary deviation of each pole, for level 1.
 
     The poles sit at rate 10^-(0.4 + k/2), each with the variance level^2 ln(10)/2: their Lorentzians add to level^2/f.
@@ -116,7 +116,7 @@ def _poles():
         return np.array([float(a) for a in decay]), np.array([float(g) for g in gain]), float(sigma)
 
 
-DECAY, GAIN, DEVIATION = _poles()
+DECAY, GAIN, DEVIATION = _flicker_poles()
 
 
 @inlined
@@ -211,7 +211,7 @@ def source(seed, name, sigma, on=1):
 
 
 @inlined
-def white(p, counter):
+def white_sample(p, counter):
     """Sample number `counter` of a source, or the error of an edge; exactly 0.0 when off."""
     if p.on:
         x, y = words(p.key0, p.key1, counter)
@@ -220,9 +220,9 @@ def white(p, counter):
 
 
 @inlined
-def held(p, tick):
+def hold_sample(p, tick):
     """What a held source gives in a tick: one sample for HOLD ticks, from a multiple of HOLD on."""
-    return white(p, tick // HOLD)
+    return white_sample(p, tick // HOLD)
 
 
 @inlined
@@ -257,12 +257,12 @@ def fill_rows(p, q, counter, stride, w, first, second, n):
             store(w, second + i, q.sigma * ih4(y))
     else:
         for i in range(n):
-            w[first + i] = white(p, counter + i * stride)
-            w[second + i] = white(q, counter + i * stride)
+            w[first + i] = white_sample(p, counter + i * stride)
+            w[second + i] = white_sample(q, counter + i * stride)
 
 
 @outlined
-def fill_held(p, q, tick, w, first, second, n):
+def fill_hold_rows(p, q, tick, w, first, second, n):
     """w[first + i] = held(p, tick + i), w[second + i] = held(q, tick + i) for i below n. Mutates `w`.
 
     p, q  as for `fill_rows`. Whole samples and whole registers of them are put down: up to HOLD - 1 places in front of
@@ -276,8 +276,8 @@ def fill_held(p, q, tick, w, first, second, n):
             store_fives(w, second - into + i, q.sigma * ih4(y))
     else:
         for i in range(n):
-            w[first + i] = held(p, tick + i)
-            w[second + i] = held(q, tick + i)
+            w[first + i] = hold_sample(p, tick + i)
+            w[second + i] = hold_sample(q, tick + i)
 
 
 def _hold_s(carrier_hz, tick_s):

@@ -141,15 +141,15 @@ def multiply(ah, al, bh, bl):
     ch = np.zeros((JETS, size, width))
     cl = np.zeros((JETS, size, width))
     for n in range(PAIRS.shape[0]):
-        out, left, right = PAIRS[n]
+        out, lhs, rhs = PAIRS[n]
         for i in range(size):
             for k in range(size):
-                x = ah[left, i, k]
+                x = ah[lhs, i, k]
                 if x != 0.0:
                     for m in range(width):
-                        if bh[right, k, m] != 0.0:
+                        if bh[rhs, k, m] != 0.0:
                             ch[out, i, m], cl[out, i, m] = _fma(
-                                ch[out, i, m], cl[out, i, m], x, al[left, i, k], bh[right, k, m], bl[right, k, m]
+                                ch[out, i, m], cl[out, i, m], x, al[lhs, i, k], bh[rhs, k, m], bl[rhs, k, m]
                             )
     for j in range(JETS):
         for i in range(size):
@@ -159,7 +159,7 @@ def multiply(ah, al, bh, bl):
 
 
 @kernel
-def taylor(place, value, terms, xh, xl):
+def taylor(indices, value, terms, xh, xl):
     """Sum over k = 0 .. terms of (A^k / k!) X; A is sparse: place (row, column, jet), value (hi, lo)."""
     sum_h = xh.copy()
     sum_l = xl.copy()
@@ -167,8 +167,8 @@ def taylor(place, value, terms, xh, xl):
     for k in range(1, terms + 1):
         yh = np.zeros(xh.shape)
         yl = np.zeros(xh.shape)
-        for e in range(place.shape[0]):
-            row, col, jet = place[e]
+        for e in range(indices.shape[0]):
+            row, col, jet = indices[e]
             ah, al = _fma(0.0, 0.0, value[e, 0], value[e, 1], RECIPROCALS[k, 0], RECIPROCALS[k, 1])
             for j in range(JETS):
                 out = SHIFT[jet, j]
@@ -181,10 +181,10 @@ def taylor(place, value, terms, xh, xl):
         for j in range(JETS):
             for i in range(xh.shape[1]):
                 for m in range(width):
-                    h, rest = _two_sum(yh[j, i, m], yl[j, i, m])
-                    yh[j, i, m], yl[j, i, m] = h, rest
+                    h, error = _two_sum(yh[j, i, m], yl[j, i, m])
+                    yh[j, i, m], yl[j, i, m] = h, error
                     s, t = _two_sum(sum_h[j, i, m], h)
-                    sum_h[j, i, m], sum_l[j, i, m] = _two_sum(s, t + (sum_l[j, i, m] + rest))
+                    sum_h[j, i, m], sum_l[j, i, m] = _two_sum(s, t + (sum_l[j, i, m] + error))
         xh, xl = yh, yl
     return sum_h, sum_l
 
@@ -225,7 +225,7 @@ def cv_chain(device, channel, temp_degc):
     # imported here so that a build with a chain of its own needs no diode
     from analog_frontend.parts import ring_diode
 
-    ring = ring_diode.ring(*ring_diode.arguments(device, channel, temp_degc))
+    ring = ring_diode.diode_ring(*ring_diode.arguments(device, channel, temp_degc))
     return ring.gain_v_per_f * (device.dcdx_f_per_m if channel == "drive" else device.dcdy_f_per_m), ring.tau_s
 
 
@@ -237,11 +237,11 @@ def _generator(device, gains, rings, amplifiers, rc):
         a[row, row, 0] = -1 / tau
         a[row, source, 0] = gain / tau
 
-    for first, held, name in ((DRIVE, HELD_DRIVE, "drive"), (SENSE, HELD_SENSE, "sense")):
-        for n, source in enumerate((held, first, first + 1)):
+    for first, input_state, name in ((DRIVE, HELD_DRIVE, "drive"), (SENSE, HELD_SENSE, "sense")):
+        for n, source in enumerate((input_state, first, first + 1)):
             pole(first + n, source, MP.mpf(getattr(device, f"{name}_pole_{n + 1}_s")))
 
-    block = resonator.block(device)
+    block = resonator.resonator_block(device)
     for jet, entries in enumerate((block.base, block.omega, block.stiffness)):
         for (row, col), value in entries.items():
             a[MODES + row, MODES + col, jet] = value
@@ -250,8 +250,8 @@ def _generator(device, gains, rings, amplifiers, rc):
         (HELD_FY, SENSE + 2, device.k_vf_sense_n_per_v),
     )
     for (row, col), value in block.force.items():
-        held, electrode, k_vf = ports[col]
-        a[MODES + row, held, 0] = value
+        input_state, electrode, k_vf = ports[col]
+        a[MODES + row, input_state, 0] = value
         a[MODES + row, electrode, 0] = value * MP.mpf(k_vf)
 
     ina, driver = amplifiers
@@ -295,7 +295,7 @@ HERMITE = ((1, 0, -6, 12), (0, 1, -4, 6), (0, 0, 6, -12), (0, 0, -2, 6))
 
 def _pickoff(entries, tick, norm):
     """(2, 4, 6): C/V states and SID path of both channels after a tick from zero, driven by the cubic of x."""
-    found = []
+    matrices = []
     for cv, sid, mode in ((DRIVE_CV, DRIVE_SID, resonator.X), (SENSE_CV, SENSE_SID, resonator.Y)):
         states = (cv, cv + 1, cv + 2, sid, sid + 1, sid + 2, MODES + mode)
         a = {
@@ -306,7 +306,7 @@ def _pickoff(entries, tick, norm):
         # the input is the seventh state, its derivatives by time in ticks are the last three
         a |= {(6 + k, 7 + k, 0): 1 / tick for k in range(3)}
         pieces = max(1, int(MP.ceil(norm * tick / 4)))
-        place, value = _sparse(a, tick / pieces)
+        indices, value = _sparse(a, tick / pieces)
         hi, lo = np.zeros((JETS, 10, 4)), np.zeros((JETS, 10, 4))
         for column, derivatives in enumerate(HERMITE):
             # x' is given as x'/W per second
@@ -314,9 +314,9 @@ def _pickoff(entries, tick, norm):
             for k, derivative in enumerate(derivatives):
                 hi[0, 6 + k, column], lo[0, 6 + k, column] = split(derivative * unit)
         for _ in range(pieces):
-            hi, lo = taylor(place, value, COLUMN_TERMS, hi, lo)
-        found.append(hi[0, :6].T)
-    return np.array(found)
+            hi, lo = taylor(indices, value, COLUMN_TERMS, hi, lo)
+        matrices.append(hi[0, :6].T)
+    return np.array(matrices)
 
 
 class Clock(NamedTuple):
@@ -329,7 +329,7 @@ class Clock(NamedTuple):
 DEFAULT_CLOCK = Clock()
 
 
-def _power(one, n):
+def _matrix_power(one, n):
     """A double-double matrix to the power n, by the bits of n from the left."""
     found = one
     for bit in bin(n)[3:]:
@@ -341,7 +341,7 @@ def _power(one, n):
 
 def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
     """Tables of `device` (as it is at temp_ref) at `temp_degc`; `chain` replaces `cv_chain`."""
-    warm = thermal.at_temperature(device, temp_degc)
+    warm = thermal.device_at_temperature(device, temp_degc)
     chain = chain or cv_chain
     (drive_gain, drive_ring), (sense_gain, sense_ring) = (chain(device, c, temp_degc) for c in ("drive", "sense"))
     gains = (MP.mpf(drive_gain), MP.mpf(sense_gain))
@@ -357,29 +357,29 @@ def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
     norm = 2 * max(*rates, resonator.W, 2 * MP.pi * max(warm.fx_hz, warm.fy_hz))
 
     halvings = max(0, int(MP.ceil(MP.log(norm * cycle_time, 2))))
-    place, value = _sparse(entries, cycle_time / 2**halvings)
-    per_cycle = taylor(place, value, MATRIX_TERMS, *_columns([{row: MP.mpf(1)} for row in range(SIZE)]))
+    indices, value = _sparse(entries, cycle_time / 2**halvings)
+    per_cycle = taylor(indices, value, MATRIX_TERMS, *_columns([{row: MP.mpf(1)} for row in range(SIZE)]))
     for _ in range(halvings):
         per_cycle = multiply(*per_cycle, *per_cycle)
-    whole_tick, _ = _power(per_cycle, clock.cycles)
+    full_tick, _ = _matrix_power(per_cycle, clock.cycles)
     g_jet = np.zeros((JETS, INPUTS, OUTPUTS))
     for col, row in zip(KEPT, KEPT_INPUT):
-        g_jet[:, row, :HELD_DRIVE] = whole_tick[:, :HELD_DRIVE, col]
+        g_jet[:, row, :HELD_DRIVE] = full_tick[:, :HELD_DRIVE, col]
 
     steps, jitters, carries = [], [], []
-    for held, delay_s in ((HELD_DRIVE, warm.drive_dac_delay_s), (HELD_SENSE, warm.sense_dac_delay_s)):
-        whole, rest, carry = instants(MP.mpf(delay_s), cycle_time, clock.cycles)
-        shortest = cycle_time - rest
+    for input_state, delay_s in ((HELD_DRIVE, warm.drive_dac_delay_s), (HELD_SENSE, warm.sense_dac_delay_s)):
+        instant_cycle, remainder, carry = instants(MP.mpf(delay_s), cycle_time, clock.cycles)
+        shortest = cycle_time - remainder
         pieces = max(1, int(MP.ceil(norm * shortest / 4)))
-        place, value = _sparse(entries, shortest / pieces)
+        indices, value = _sparse(entries, shortest / pieces)
         # e^(A s) u and its derivative e^(A s) A u; A times the first would lose the settled states to cancellation
-        x = _columns([{held: MP.mpf(1)}, {row: v for (row, col, _), v in entries.items() if col == held}])
+        x = _columns([{input_state: MP.mpf(1)}, {row: v for (row, col, _), v in entries.items() if col == input_state}])
         for _ in range(pieces):
-            x = taylor(place, value, COLUMN_TERMS, *x)
+            x = taylor(indices, value, COLUMN_TERMS, *x)
         step = np.zeros((JETS, clock.cycles, OUTPUTS))
         jitter = np.zeros((JETS, clock.cycles, OUTPUTS))
-        for late in range(clock.cycles - 1, -1, -1):
-            c = (late - whole) % clock.cycles
+        for delay_cycles in range(clock.cycles - 1, -1, -1):
+            c = (delay_cycles - instant_cycle) % clock.cycles
             step[:, c, :HELD_DRIVE] = x[0][:, :HELD_DRIVE, 0]
             # a later instant is a shorter duration: minus
             jitter[:, c, :HELD_DRIVE] = 0.0 - x[0][:, :HELD_DRIVE, 1]

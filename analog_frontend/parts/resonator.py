@@ -32,7 +32,7 @@ class Block(NamedTuple):
     force: dict
 
 
-def block(device):
+def resonator_block(device):
     """The generator's resonator block for a device already at its temperature."""
     m = MP.mpf(device.mass_kg)
     wx = 2 * MP.pi * MP.mpf(device.fx_hz)

@@ -91,7 +91,7 @@ class Large(NamedTuple):
 
 def circuit(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc=25.0):
     """`Circuit` of a ring; arguments and ValueError as `ring_diode.ring`."""
-    stray_f = ring_diode.ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc).stray_f
+    stray_f = ring_diode.diode_ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc).stray_f
     with mpmath.workprec(ring_diode.PRECISION):
         vj, m, cj0 = ring_diode.built_in_v(diode, temp_degc), mpmath.mpf(diode.m), mpmath.mpf(diode.cj0_f)
         is_a, nvt = ring_diode.saturation_current_a(diode, temp_degc), ring_diode.n_vt_v(diode, temp_degc)
@@ -114,12 +114,12 @@ def exponential(x):
     for k in range(12, 0, -1):
         e = 1.0 + r * e * RECIPROCALS[k]
     factor = 2.0 if n > 0.0 else 0.5
-    left = int(abs(n))
-    while left > 0:
-        if left & 1:
+    exponent = int(abs(n))
+    while exponent > 0:
+        if exponent & 1:
             e = e * factor
         factor = factor * factor
-        left >>= 1
+        exponent >>= 1
     return e
 
 
@@ -138,8 +138,8 @@ def junction(p, v):
         s = 1.0 / 9 + q * (1.0 / 11 + q * (1.0 / 13))
         power = exponential(-8.0 * p.m * y * (1.0 + q * (1.0 / 3 + q * (0.2 + q * (1.0 / 7 + q * s)))))
         return p.cj0_f * power, p.cj0_f * p.vj_v / (1.0 - p.m) * (1.0 - w * power)
-    over = v - p.knee_v
-    return p.knee_f + p.knee_f_per_v * over, p.knee_c + (p.knee_f + 0.5 * p.knee_f_per_v * over) * over
+    excess_v = v - p.knee_v
+    return p.knee_f + p.knee_f_per_v * excess_v, p.knee_c + (p.knee_f + 0.5 * p.knee_f_per_v * excess_v) * excess_v
 
 
 @inlined
@@ -157,19 +157,19 @@ def slopes(p, a, b, c, d, plus_f, minus_f, dc_f_per_s):
     at_b = i2 - i3 + dc_f_per_s * (b - 0.5 * p.carrier_v)
     at_c, at_d = i1 - i2, i3 - i4
     # C and D are eliminated: they are joined to A and B only
-    own_c, own_d = p.cref_f + c1 + c2, p.cref_f + c3 + c4
-    own_a = plus_f + c1 + c4 - c1 * c1 / own_c - c4 * c4 / own_d
-    own_b = minus_f + c2 + c3 - c2 * c2 / own_c - c3 * c3 / own_d
-    shared = c1 * c2 / own_c + c3 * c4 / own_d
-    at_a = at_a + c1 * at_c / own_c + c4 * at_d / own_d
-    at_b = at_b + c2 * at_c / own_c + c3 * at_d / own_d
-    det = own_a * own_b - shared * shared
-    da, db = (at_a * own_b + at_b * shared) / det, (at_b * own_a + at_a * shared) / det
-    return da, db, (at_c + c1 * da + c2 * db) / own_c, (at_d + c3 * db + c4 * da) / own_d
+    cap_c, cap_d = p.cref_f + c1 + c2, p.cref_f + c3 + c4
+    cap_a = plus_f + c1 + c4 - c1 * c1 / cap_c - c4 * c4 / cap_d
+    cap_b = minus_f + c2 + c3 - c2 * c2 / cap_c - c3 * c3 / cap_d
+    shared = c1 * c2 / cap_c + c3 * c4 / cap_d
+    at_a = at_a + c1 * at_c / cap_c + c4 * at_d / cap_d
+    at_b = at_b + c2 * at_c / cap_c + c3 * at_d / cap_d
+    det = cap_a * cap_b - shared * shared
+    da, db = (at_a * cap_b + at_b * shared) / det, (at_b * cap_a + at_a * shared) / det
+    return da, db, (at_c + c1 * da + c2 * db) / cap_c, (at_d + c3 * db + c4 * da) / cap_d
 
 
 @inlined
-def behind_edge(p, a, b, c, d, dc_f):
+def edge_nodes(p, a, b, c, d, dc_f):
     """C and D behind a rising edge from the nodes before it: A with C, and B with D, keep their charge."""
     plus_f, minus_f = p.c0_f + dc_f + p.stray_f, p.c0_f - dc_f + p.stray_f
     _, q2 = junction(p, c - b)
@@ -180,12 +180,12 @@ def behind_edge(p, a, b, c, d, dc_f):
         a, b = c + p.start_v, d + p.start_v
         c2, q2 = junction(p, c - b)
         c4, q4 = junction(p, d - a)
-        left_c = plus_f * a + p.cref_f * c + q2 - q4 - with_c
-        left_d = minus_f * b + p.cref_f * d + q4 - q2 - with_d
+        error_c = plus_f * a + p.cref_f * c + q2 - q4 - with_c
+        error_d = minus_f * b + p.cref_f * d + q4 - q2 - with_d
         bridge = c2 + c4
-        own_c, own_d = plus_f + p.cref_f + bridge, minus_f + p.cref_f + bridge
-        det = own_c * own_d - bridge * bridge
-        c, d = c - (left_c * own_d + left_d * bridge) / det, d - (left_d * own_c + left_c * bridge) / det
+        cap_c, cap_d = plus_f + p.cref_f + bridge, minus_f + p.cref_f + bridge
+        det = cap_c * cap_d - bridge * bridge
+        c, d = c - (error_c * cap_d + error_d * bridge) / det, d - (error_d * cap_c + error_c * bridge) / det
     # an edge that opens C -> B or D -> A joins all four nodes
     joined_f, step_v = plus_f + minus_f + 2.0 * p.cref_f, 2.0 * p.start_v
     if c - d > step_v:
@@ -200,34 +200,34 @@ def behind_edge(p, a, b, c, d, dc_f):
 @kernel
 def half_period(p, nodes_v, dc_f, dc_f_per_s, out):
     """Half a period from `nodes_v`, dC = dc_f + dc_f_per_s t: out[:4] the nodes behind it, out[4] the mean of C - D."""
-    c, d = behind_edge(p, nodes_v[0], nodes_v[1], nodes_v[2], nodes_v[3], dc_f)
+    c, d = edge_nodes(p, nodes_v[0], nodes_v[1], nodes_v[2], nodes_v[3], dc_f)
     a, b, t = c + p.start_v, d + p.start_v, START * p.half_s
     plus_f, minus_f = p.c0_f + p.stray_f + dc_f, p.c0_f + p.stray_f - dc_f
     area = (c - d) * t
-    moved_v = abs(dc_f) * p.carrier_v / (p.c0_f + p.stray_f - abs(dc_f))
-    steps = int(max(p.steps, STIFF * moved_v / p.nvt_v))
+    swing_v = abs(dc_f) * p.carrier_v / (p.c0_f + p.stray_f - abs(dc_f))
+    steps = int(max(p.steps, STIFF * swing_v / p.nvt_v))
     log_step = p.log_span / steps
     ratio = exponential(0.5 * log_step)
     for _ in range(steps):
         # Runge and Kutta's step of fourth order in ln t
         middle = t * ratio
         end = middle * ratio
-        h, moved = log_step * t, dc_f_per_s * t
-        a1, b1, c1, d1 = slopes(p, a, b, c, d, plus_f + moved, minus_f - moved, dc_f_per_s)
+        h, delta_f = log_step * t, dc_f_per_s * t
+        a1, b1, c1, d1 = slopes(p, a, b, c, d, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
         a1, b1, c1, d1 = h * a1, h * b1, h * c1, h * d1
         s1 = h * (c - d)
-        h, moved = log_step * middle, dc_f_per_s * middle
+        h, delta_f = log_step * middle, dc_f_per_s * middle
         an, bn, cn, dn = a + 0.5 * a1, b + 0.5 * b1, c + 0.5 * c1, d + 0.5 * d1
-        a2, b2, c2, d2 = slopes(p, an, bn, cn, dn, plus_f + moved, minus_f - moved, dc_f_per_s)
+        a2, b2, c2, d2 = slopes(p, an, bn, cn, dn, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
         a2, b2, c2, d2 = h * a2, h * b2, h * c2, h * d2
         s2 = h * (cn - dn)
         an, bn, cn, dn = a + 0.5 * a2, b + 0.5 * b2, c + 0.5 * c2, d + 0.5 * d2
-        a3, b3, c3, d3 = slopes(p, an, bn, cn, dn, plus_f + moved, minus_f - moved, dc_f_per_s)
+        a3, b3, c3, d3 = slopes(p, an, bn, cn, dn, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
         a3, b3, c3, d3 = h * a3, h * b3, h * c3, h * d3
         s3 = h * (cn - dn)
-        h, moved = log_step * end, dc_f_per_s * end
+        h, delta_f = log_step * end, dc_f_per_s * end
         an, bn, cn, dn = a + a3, b + b3, c + c3, d + d3
-        a4, b4, c4, d4 = slopes(p, an, bn, cn, dn, plus_f + moved, minus_f - moved, dc_f_per_s)
+        a4, b4, c4, d4 = slopes(p, an, bn, cn, dn, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
         s4 = h * (cn - dn)
         a = a + (a1 + 2.0 * (a2 + a3) + h * a4) * (1.0 / 6)
         b = b + (b1 + 2.0 * (b2 + b3) + h * b4) * (1.0 / 6)
@@ -257,7 +257,7 @@ def _settled(p, nodes_v, dc_f):
     return nodes_v
 
 
-def steady(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
+def steady_state(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
     """`Steady` at dC, from the nodes of a neighbour. ValueError if there is none to be found."""
     nodes_v = list(nodes_v)
     for n in range(MOST_ROUNDS):
@@ -269,8 +269,8 @@ def steady(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
             sides = [nodes_v[:k] + [nodes_v[k] + s] + nodes_v[k + 1 :] for s in (-STEP_V, STEP_V)]
             columns.append(_per(*(_after(p, side, dc_f) for side in sides), STEP_V))
         by_node = [[column[i][0] for column in columns] for i in range(5)]
-        rest = [[float(i == k) - by_node[i][k] for k in range(4)] for i in range(4)]
-        move = [row[0] for row in small_algebra.solved(rest, [[after[i] - nodes_v[i]] for i in range(4)])]
+        residual_jacobian = [[float(i == k) - by_node[i][k] for k in range(4)] for i in range(4)]
+        move = [row[0] for row in small_algebra.solved(residual_jacobian, [[after[i] - nodes_v[i]] for i in range(4)])]
         if not all(map(math.isfinite, move)):
             break
         # a longer step would overshoot the diodes' exponentials
@@ -278,11 +278,11 @@ def steady(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
         part = min(1.0, p.nvt_v / largest) if largest else 1.0
         nodes_v = [v + part * m for v, m in zip(nodes_v, move)]
         if largest < SETTLED_V:
-            return _moving(p, dc_f, nodes_v, by_node, rest)
+            return _moving(p, dc_f, nodes_v, by_node, residual_jacobian)
     raise ValueError(f"ring_cycle dc_f: no steady state of the ring at {dc_f:g} F")
 
 
-def _moving(p, dc_f, nodes_v, by_node, rest):
+def _moving(p, dc_f, nodes_v, by_node, residual_jacobian):
     """`Steady` from a fixed point, the derivatives there and 1 less those."""
     h = p.half_s
     by_dc = _per(*(_after(p, nodes_v, dc_f + s) for s in (-STEP_F, STEP_F)), STEP_F)
@@ -291,25 +291,25 @@ def _moving(p, dc_f, nodes_v, by_node, rest):
     def output(nodes, direct):
         return sum(j * row[0] for j, row in zip(by_node[4], nodes)) + direct[4][0]
 
-    along = small_algebra.solved(rest, by_dc[:4])
-    volts_per_f = output(along, by_dc)
+    nodes_per_f = small_algebra.solved(residual_jacobian, by_dc[:4])
+    volts_per_f = output(nodes_per_f, by_dc)
     # S(dC + s h) + s L = half(S + s L, dC, s): what is behind the motion, and the mean counts from the middle
-    lag = small_algebra.solved(rest, [[y[0] - h * x[0]] for x, y in zip(along, by_slope)])
-    late = volts_per_f * h / 2 - output(lag, by_slope)
-    return Steady(tuple(nodes_v), _after(p, nodes_v, dc_f)[4], volts_per_f, late)
+    lag = small_algebra.solved(residual_jacobian, [[y[0] - h * x[0]] for x, y in zip(nodes_per_f, by_slope)])
+    lag_v_s_per_f = volts_per_f * h / 2 - output(lag, by_slope)
+    return Steady(tuple(nodes_v), _after(p, nodes_v, dc_f)[4], volts_per_f, lag_v_s_per_f)
 
 
 @functools.lru_cache(maxsize=1024)
 def curve(p, intervals):
     """`Curve` of a `Circuit`, arrays of `intervals` + 1."""
-    step_f, rows = RANGE * p.c0_f / intervals, [steady(p, 0.0)]
+    step_f, rows = RANGE * p.c0_f / intervals, [steady_state(p, 0.0)]
     for k in range(1, intervals + 1):
-        rows.append(steady(p, k * step_f, rows[-1].nodes_v))
+        rows.append(steady_state(p, k * step_f, rows[-1].nodes_v))
     return Curve(step_f, *(np.array(column) for column in list(zip(*rows))[1:]))
 
 
 @functools.cache
-def _waves():
+def _sine_table():
     """sin((2 k + 1) theta) of as many odd harmonics as there are points in a quarter wave; a row for each point."""
     angles = [(n + MP.mpf(0.5)) * MP.pi / (2 * QUARTER) for n in range(QUARTER)]
     return [[small_algebra.unit((2 * k + 1) * angle).imag for k in range(QUARTER)] for angle in angles]
@@ -320,10 +320,10 @@ def large(p, dc_f):
     """`Large` of a `Circuit` whose dC is a sine of amplitude `dc_f`. ValueError: it is not between 0 and C0."""
     if not 0.0 < dc_f < p.c0_f:
         raise ValueError(f"ring_cycle dc_f: {dc_f} F is not between 0 and c0_f = {p.c0_f} F")
-    small = steady(p, 0.0)
-    nodes, rows, waves = small.nodes_v, [], _waves()
+    small = steady_state(p, 0.0)
+    nodes, rows, waves = small.nodes_v, [], _sine_table()
     for wave in waves:
-        rows.append(steady(p, dc_f * wave[0], nodes))
+        rows.append(steady_state(p, dc_f * wave[0], nodes))
         nodes = rows[-1].nodes_v
     harmonics = [2 / QUARTER * sum(row[k] * at.volts for row, at in zip(waves, rows)) for k in range(len(waves[0]))]
     gain = harmonics[0] / dc_f

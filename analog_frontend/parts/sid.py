@@ -101,7 +101,7 @@ def injection_volts(charge_c, mismatch, c_f, leaked_c=0.0):
     return (first + leaked_c / c_f,) * STAGES + (first * (1.0 - mismatch),) * STAGES
 
 
-def of_device(warm):
+def device_injection(warm):
     """`injection_volts` of a device at its temperature: charge of a switch, leakage over half a turn of f_x."""
     leaked_c = warm.sid_leakage_a / (2.0 * warm.fx_hz)
     return injection_volts(warm.sid_charge_c, warm.sid_charge_mismatch, warm.sid_c_f, leaked_c)
@@ -125,7 +125,7 @@ def output(caps, d):
 
 
 @inlined
-def full(p, caps, d, ref, n, p1, p2, p3):
+def follow_tick(p, caps, d, ref, n, p1, p2, p3):
     """One tick of demodulator `d` without an edge: the group of `ref` follows, the other holds. Mutates `caps`."""
     g = 0 if ref else STAGES
     w1 = caps[d, g]
@@ -149,7 +149,7 @@ def between(p, caps, refs, w, feed, stride, t0, t1, out):
     w1 = four(caps[0, g0], caps[1, g1], caps[2, g2], caps[3, g3])
     w2 = four(caps[0, g0 + 1], caps[1, g1 + 1], caps[2, g2 + 1], caps[3, g3 + 1])
     w3 = four(caps[0, g0 + 2], caps[1, g1 + 2], caps[2, g2 + 2], caps[3, g3 + 2])
-    held = four(caps[0, 5 - g0], caps[1, 5 - g1], caps[2, 5 - g2], caps[3, 5 - g3])
+    off_v = four(caps[0, 5 - g0], caps[1, 5 - g1], caps[2, 5 - g2], caps[3, 5 - g3])
     sign = four(1.0 if refs[0] else -1.0, 1.0 if refs[1] else -1.0, 1.0 if refs[2] else -1.0, 1.0 if refs[3] else -1.0)
     e1, e2, e3 = splat4(p.e1), splat4(p.e2), splat4(p.e3)
     for t in range(t0, t1):
@@ -159,7 +159,7 @@ def between(p, caps, refs, w, feed, stride, t0, t1, out):
         w3 = e1 * w3 + (e2 * w2 + (e3 * w1 + f3))
         w2 = e1 * w2 + (e2 * w1 + f2)
         w1 = e1 * w1 + f1
-        store4(out, 4 * (t + 1), sign * (w3 - held))
+        store4(out, 4 * (t + 1), sign * (w3 - off_v))
     for k in range(DEMODULATORS):
         g = 0 if refs[k] else STAGES
         caps[k, g] = lane(w1, k)
@@ -168,7 +168,7 @@ def between(p, caps, refs, w, feed, stride, t0, t1, out):
 
 
 @inlined
-def _decay(u):
+def _decay_series(u):
     """exp(-u) for 0 <= u <= R_LIMIT: seven terms of the series, 1e-20."""
     return 1.0 - u * (
         1.0 - u * (1.0 / 2) * (1.0 - u * (1.0 / 3) * (1.0 - u * 0.25 * (1.0 - u * 0.2 * (1.0 - u * (1.0 / 6)))))
@@ -176,7 +176,7 @@ def _decay(u):
 
 
 @inlined
-def _steps(u, e):
+def _step_responses(u, e):
     """Step responses of the three stages after u = t/RC, without cancellation: e^-u u^j/j! (1 + u/(j+1) + ...)."""
     s1 = e * u * (1.0 + u * 0.5 * (1.0 + u * (1.0 / 3) * (1.0 + u * 0.25 * (1.0 + u * 0.2 * (1.0 + u * (1.0 / 6))))))
     s2 = e * u * u * 0.5 * (1.0 + u * (1.0 / 3) * (1.0 + u * 0.25 * (1.0 + u * 0.2 * (1.0 + u * (1.0 / 6)))))
@@ -207,13 +207,13 @@ def response(p, v0, dv0, v1, dv1, s):
 @inlined
 def factors(u):
     """Of a piece of u = dt/RC: the three decays, and the three responses to a constant. u may have several lanes."""
-    e = _decay(u)
-    s1, s2, s3 = _steps(u, e)
+    e = _decay_series(u)
+    s1, s2, s3 = _step_responses(u, e)
     return e, e * u, e * u * u * 0.5, s1, s2, s3
 
 
 @inlined
-def _segment(caps, d, ref, n, piece, start, end):
+def _follow_segment(caps, d, ref, n, piece, start, end):
     """The group of `ref` over a piece with these `factors`, from response `start` to `end`; mutates `caps`."""
     g = 0 if ref else STAGES
     e, e2, e3, s1, s2, s3 = piece
@@ -232,7 +232,7 @@ def _lanes(v, k):
 
 
 @inlined
-def _open(p, caps, d, ref):
+def _open_switches(p, caps, d, ref):
     """The switches of the group of `ref` open; mutates `caps`."""
     g = 0 if ref else STAGES
     for k in range(g, g + STAGES):
@@ -247,9 +247,9 @@ def edge(p, caps, d, ref, tau_s, n, p1, p2, p3, v0, dv0, v1, dv1):
     # both pieces at once, in the first two lanes
     pieces = factors(four(p.r * s, p.r * (1.0 - s), 0.0, 0.0))
     old = 0 if ref else 1
-    _segment(caps, d, old, n, _lanes(pieces, 0), (0.0, 0.0, 0.0), q)
-    _open(p, caps, d, old)
-    _segment(caps, d, ref, n, _lanes(pieces, 1), q, (p1, p2, p3))
+    _follow_segment(caps, d, old, n, _lanes(pieces, 0), (0.0, 0.0, 0.0), q)
+    _open_switches(p, caps, d, old)
+    _follow_segment(caps, d, ref, n, _lanes(pieces, 1), q, (p1, p2, p3))
 
 
 @kernel
@@ -262,9 +262,9 @@ def edges(p, caps, d, ref, taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1):
     for i in range(count):
         t = taus_s[i] / p.h_s
         before, q = q, response(p, v0, dv0, v1, dv1, t)
-        _segment(caps, d, ref, n, factors(p.r * (t - s)), before, q)
-        _open(p, caps, d, ref)
+        _follow_segment(caps, d, ref, n, factors(p.r * (t - s)), before, q)
+        _open_switches(p, caps, d, ref)
         ref = 0 if ref else 1
         s = t
-    _segment(caps, d, ref, n, factors(p.r * (1.0 - s)), q, (p1, p2, p3))
+    _follow_segment(caps, d, ref, n, factors(p.r * (1.0 - s)), q, (p1, p2, p3))
     return ref

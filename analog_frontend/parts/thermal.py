@@ -45,7 +45,7 @@ def check(temp_degc):
     return float(temp_degc)
 
 
-def at_temperature(device, temp_degc):
+def device_at_temperature(device, temp_degc):
     """The device at `temp_degc`; the result must not be given to this function again."""
     dt = MP.mpf(check(temp_degc)) - MP.mpf(device.temp_ref_degc)
     if dt == 0:
@@ -69,8 +69,8 @@ def at_temperature(device, temp_degc):
         (("ina_current_noise_a_per_rthz",), ratio ** ((bias - beta) / 2)),
         (("sid_flicker_v_per_rthz",), ratio ** MP.mpf(device.sid_flicker_exponent)),
     )
-    moved = {name: float(MP.mpf(getattr(device, name)) * factor) for names, factor in laws for name in names}
-    return validate(Device(**(device._asdict() | moved)))
+    values = {name: float(MP.mpf(getattr(device, name)) * factor) for names, factor in laws for name in names}
+    return validate(Device(**(device._asdict() | values)))
 
 
 class Params(NamedTuple):

@@ -62,7 +62,7 @@ NONE = mailboxes()
 if DISABLED:
     _STEP = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_void_p] * 2, *[ctypes.c_double] * 2, *[ctypes.c_void_p] * 2)
 
-    def _call(step, plant, pins, rate_rad_s, temp_degc, codes, motion):
+    def _call_library(step, plant, pins, rate_rad_s, temp_degc, codes, motion):
         """`gyro_plant_step` at an address."""
         return _STEP(step)(plant, pins.ctypes.data, rate_rad_s, temp_degc, codes.ctypes.data, motion.ctypes.data)
 
@@ -72,7 +72,7 @@ else:
     from numba.extending import intrinsic
 
     @intrinsic
-    def _call(typingctx, step, plant, pins, rate_rad_s, temp_degc, codes, motion):
+    def _call_library(typingctx, step, plant, pins, rate_rad_s, temp_degc, codes, motion):
         """`gyro_plant_step` at an address."""
         number, void = ir.DoubleType(), ir.IntType(8).as_pointer()
 
@@ -107,16 +107,16 @@ def _fail(failed, kind, tick, which, value):
 
 
 @outlined
-def _checked(port, tick, first, second):
+def _check_reply(port, tick, first, second):
     """Check what the library has returned; `first`, `second`: what DRDY was promised to be, -1 for not yet promised."""
     codes, failed = port.adc, port.failed
     for k in range(adc.CHANNELS):
         if not adc.CODE_LO <= codes[k] <= adc.CODE_HI:
             _fail(failed, CODE, tick, k, codes[k])
     for k in range(2):
-        wanted = second if k else first
-        if codes[DRDY + k] < 0 or (wanted >= 0 and codes[DRDY + k] != wanted):
-            _fail(failed, PROMISE, tick, wanted, codes[DRDY + k])
+        promised = second if k else first
+        if codes[DRDY + k] < 0 or (promised >= 0 and codes[DRDY + k] != promised):
+            _fail(failed, PROMISE, tick, promised, codes[DRDY + k])
     if codes[DRDY + 1] - codes[DRDY] < LEAST_APART:
         _fail(failed, APART, tick, codes[DRDY], codes[DRDY + 1])
     for k in range(MOTIONS):
@@ -138,7 +138,7 @@ def _written(port, tick, n, work, edge_count, edges):
 
 
 @outlined
-def block(port, p, clock, tick, n, drive_cycle, sense_cycle, work, edge_count, edges, rate_rad_s, temp_degc):
+def run_library(port, p, clock, tick, n, drive_cycle, sense_cycle, work, edge_count, edges, rate_rad_s, temp_degc):
     """`n` ticks of the library's plant; as `top.block`. Mutates the mailboxes and `clock`, the converter's.
 
     p  adc.Params, for the clocks of a tick
@@ -155,11 +155,11 @@ def block(port, p, clock, tick, n, drive_cycle, sense_cycle, work, edge_count, e
     if port.failed[KIND] == NOTHING:
         _written(port, tick, n, work, edge_count, edges)
         port.pins[DRIVE_CLOCK], port.pins[SENSE_CLOCK] = drive_cycle, sense_cycle
-        status = _call(port.step, port.plant, port.pins, rate_rad_s, temp_degc, port.adc, port.motion)
+        status = _call_library(port.step, port.plant, port.pins, rate_rad_s, temp_degc, port.adc, port.motion)
         if status != 0:
             _fail(port.failed, RETURNED, tick, 0, status)
         else:
-            _checked(port, tick, first, second)
+            _check_reply(port, tick, first, second)
     if port.failed[KIND] == NOTHING:
         for k in range(adc.CHANNELS):
             clock[adc.CODES + k] = port.adc[k]

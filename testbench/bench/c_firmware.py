@@ -25,7 +25,7 @@ ROUNDS, PROCESSES = 10, 5
 CLOCKED, C = "clocked engine", "firmware in C, plant in C++"
 
 
-def timed(folder, rounds=ROUNDS, processes=PROCESSES, ticks=TICKS):
+def measure_cpu_times(folder, rounds=ROUNDS, processes=PROCESSES, ticks=TICKS):
     """{what: CPU seconds per simulated second of each round}; RuntimeError if a code, register or double differs."""
     sim = kernels.gyroscope("clocked")
     peers.export(sim, kernels.RATE_RAD_S, folder)
@@ -53,9 +53,11 @@ def table(spent):
         least, most = min(times), max(times)
         rows.append((what, f"{statistics.median(times):.3g} s", f"{least:.3g} .. {most:.3g}", f"{ratio:.2f}"))
     heads = ("what", "CPU s / simulated s", "least .. most", "clocked / this")
-    found = machine.versions() | peers.versions()
-    named = ", ".join(f"{name} {found[name]}" for name in ("python", "numba", "gcc") if found[name])
-    return Table("Firmware in C", heads, rows, f"{machine.cpu()}; {named}", (1, 2, 3))
+    version_by_tool = machine.versions() | peers.versions()
+    version_text = ", ".join(
+        f"{name} {version_by_tool[name]}" for name in ("python", "numba", "gcc") if version_by_tool[name]
+    )
+    return Table("Firmware in C", heads, rows, f"{machine.cpu()}; {version_text}", (1, 2, 3))
 
 
 def main():
@@ -63,10 +65,10 @@ def main():
     from testbench.console.show import print_tables
 
     need_repository()
-    found = table(timed(ROOT / "build" / "bench"))
-    print_tables([found])
+    result_table = table(measure_cpu_times(ROOT / "build" / "bench"))
+    print_tables([result_table])
     page = ROOT / "docs" / "speed.md"
-    text = f"Measured with `{COMMAND}` on {found.note}.\n\n{markdown(found)}"
+    text = f"Measured with `{COMMAND}` on {result_table.note}.\n\n{markdown(result_table)}"
     write_text(page, replaced(page.read_text(), "c_firmware", text))
     print("written: docs/speed.md")
     return 0

@@ -89,7 +89,7 @@ class SideBySide:
 
 
 @hot
-def firmware_alone(p, rom, f, chip, ticks, codes):
+def run_firmware_only(p, rom, f, chip, ticks, codes):
     """`ticks` of the firmware; the ADC repeats `codes`, a step up in every other frame (equal ones are a fault)."""
     for k in range(ticks):
         up = 10 * ((k // FRAME_TICKS) & 1)
@@ -104,7 +104,7 @@ def firmware_alone(p, rom, f, chip, ticks, codes):
 
 
 @hot
-def plant_alone(p, a, tick0, drive, sense, cycles, word, quad_code, rate_rad_s, temp_degc, edges):
+def run_plant_only(p, a, tick0, drive, sense, cycles, word, quad_code, rate_rad_s, temp_degc, edges):
     """One tick per DAC code of `drive` and `sense`; references turn by `word` a clock, V_q moves every frame."""
     quadrant = 0
     for k in range(drive.shape[0]):
@@ -148,11 +148,13 @@ class Bench:
 
     def firmware(self):
         """The firmware alone."""
-        self.digital = firmware_alone(self.sim.params.fpga, self.sim.params.rom, *self.digital, self.ticks, self.codes)
+        self.digital = run_firmware_only(
+            self.sim.params.fpga, self.sim.params.rom, *self.digital, self.ticks, self.codes
+        )
 
     def plant_only(self):
         """The plant alone."""
-        plant_alone(
+        run_plant_only(
             self.sim.params.plant,
             self.plant,
             self.tick,
@@ -185,7 +187,7 @@ class Served:
     """A gyroscope in a process of its own."""
 
     def __init__(self, locked=True, **environment):
-        self.process = _python(f"from testbench.bench import kernels; kernels.serve({locked})", **environment)
+        self.process = _start_python(f"from testbench.bench import kernels; kernels.serve({locked})", **environment)
 
     def cpu_s(self, engine_name, ticks):
         """CPU time (s) of `ticks` more on an engine."""
@@ -213,7 +215,7 @@ class Served:
 
 def output(code):
     """Last line of what a process of its own prints."""
-    process = _python(code)
+    process = _start_python(code)
     said, _ = process.communicate()
     if process.returncode:
         raise RuntimeError(f"a process of the bench failed: {code}")
@@ -231,14 +233,14 @@ def first_call():
 def first_call_s(cache):
     """Wall time (s) of a process that does a `first_call` with this cache folder; the frame engine is in it then."""
     began = time.perf_counter()
-    process = _python("from testbench.bench import kernels; kernels.first_call()", GYRO_CACHE=str(cache))
+    process = _start_python("from testbench.bench import kernels; kernels.first_call()", GYRO_CACHE=str(cache))
     process.communicate()
     if process.returncode:
         raise RuntimeError("the process of the first call failed")
     return time.perf_counter() - began
 
 
-def _python(code, **environment):
+def _start_python(code, **environment):
     return subprocess.Popen(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},

@@ -19,7 +19,7 @@ from analog_frontend.numeric.vector import LANES
 from fpga_model.rates import TICK_HZ
 from testbench import config as configuration
 from testbench.bench import kernels
-from testbench.campaign import played
+from testbench.campaign import builtin_engines
 from testbench.campaign.plan.measure import Keep, Keeper
 from testbench.console.table import Table
 
@@ -73,7 +73,7 @@ def run(repeats=REPEATS, seconds=0.5):
     """CPU time (s) of a point of a campaign on the frame engine, median of `repeats`."""
     quiet = {"scenario.diagnose": False, "output.record": False, "output.checkpoint_s": 0.0}
     point = configuration.changed(configuration.Config(), {"scenario.seconds": seconds, **quiet})
-    spent = [kernels.cpu_s(played.play_frame, [point], [Keeper(KEEP)]) for _ in range(repeats + 1)]
+    spent = [kernels.cpu_s(builtin_engines.run_frame_points, [point], [Keeper(KEEP)]) for _ in range(repeats + 1)]
     return statistics.median(spent[1:])  # the first one warms up
 
 
@@ -119,10 +119,11 @@ def cores_table(result):
 
 def sentences(result):
     """Memory of a gyroscope in lanes, and the cost of a whole run."""
-    found = result["memory_bytes_per_lane"]
+    memory_bytes = result["memory_bytes_per_lane"]
     return (
-        f"A gyroscope in lanes takes {found['arrays'] / 1e3:.0f} kB in the arrays of its group, and "
-        f"{found['process'] / 1e6:.1f} MB of the process between two chunks, with its state, tables, last codes and "
+        f"A gyroscope in lanes takes {memory_bytes['arrays'] / 1e3:.0f} kB in the arrays of its group, and "
+        f"{memory_bytes['process'] / 1e6:.1f} MB of the process between two chunks, with its state, tables, "
+        "last codes and "
         "hash.\n\n"
         f"A point of a campaign from power-on over lock and 0.5 s takes {result['run_cpu_s']:.3f} s of CPU."
     )

@@ -19,7 +19,7 @@ from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench import kernels, machine, many, peers, stages
 from testbench.console.markdown import ROOT, markdown, need_repository, replaced
-from testbench.console.table import Table, fixed
+from testbench.console.table import Table, fixed_digits
 from testbench.storage.files import write_text
 
 COMMAND = "python -m testbench.bench"
@@ -159,7 +159,7 @@ def _peer_cpu_s(*arguments):
 def speeds(folder, repeats=REPEATS, processes=PROCESSES):
     """Real-time factors of everything that simulates, their spread, the peak of the CPU, and what is missing."""
     bench, side, hashed = kernels.Bench(), kernels.SideBySide(LANES, codes=False), kernels.SideBySide(LANES)
-    averaged, kept = kernels.gyroscope("baseband", codes=False), kernels.gyroscope("baseband")
+    averaged, averaged_codes = kernels.gyroscope("baseband", codes=False), kernels.gyroscope("baseband")
     works, missing = comparators(kernels.gyroscope("clocked"), folder)
     ticks = {key: PEER_TICKS[name] for name, key in PEER_KEYS.items()}
     ticks |= dict.fromkeys(("clocked_rt", *PARTS), bench.ticks)
@@ -184,7 +184,7 @@ def speeds(folder, repeats=REPEATS, processes=PROCESSES):
             works[f"{name}_rt"] = partial(_in_turn, itertools.cycle(engines), name, ticks[f"{name}_rt"])
         works |= {
             "baseband_rt": partial(kernels.cpu_s, kernels.advance, averaged, BASEBAND_TICKS_TIMED),
-            "baseband_codes_rt": partial(kernels.cpu_s, kernels.advance, kept, BASEBAND_TICKS_TIMED),
+            "baseband_codes_rt": partial(kernels.cpu_s, kernels.advance, averaged_codes, BASEBAND_TICKS_TIMED),
             "lanes_rt_per_core": partial(kernels.cpu_s, side.advance, LANES_TICKS),
             "lanes_codes_rt": partial(kernels.cpu_s, hashed.advance, LANES_TICKS),
             "firmware_rt": partial(kernels.cpu_s, bench.firmware),
@@ -213,12 +213,12 @@ def growth(repeats=GROWTH_REPEATS):
     cases |= {("noise", "all"): ({}, GROWTH_TICKS), ("effects", "none"): ({}, GROWTH_TICKS)}
     cases |= {("effects", name): ({f"effects.{name}": size}, GROWTH_TICKS) for name, size in EFFECTS.items()}
     cases |= {("effects", "all"): ({f"effects.{name}": size for name, size in EFFECTS.items()}, GROWTH_TICKS)}
-    made, works = {}, {}
+    gyroscopes, works = {}, {}
     for case, (changes, ticks) in cases.items():
         key = json.dumps(changes)
-        if key not in made:
-            made[key] = kernels.gyroscope("frame", changes=changes)
-        works[case] = partial(kernels.cpu_s, kernels.advance, made[key], ticks)
+        if key not in gyroscopes:
+            gyroscopes[key] = kernels.gyroscope("frame", changes=changes)
+        works[case] = partial(kernels.cpu_s, kernels.advance, gyroscopes[key], ticks)
     for count in GROWTH_LANES:
         cases["lanes", str(count)] = ({}, count * LANES_TICKS)
         works["lanes", str(count)] = partial(kernels.cpu_s, kernels.SideBySide(count, codes=False).advance, LANES_TICKS)
@@ -256,7 +256,7 @@ def table(result):
         ratios = ["" if key in PARTS else f"{result[name] / rt:.3g}" for name in ("frame_rt", "clocked_rt")]
         spread = " .. ".join(f"{value:.3g}" for value in result["spread"][key])
         rows.append((text, key, f"{rt:.3g}", spread, f"{1 / rt:.3g} s", *ratios))
-    rows += [(text, key, "", "", fixed(result[key], 1) + " s", "", "") for key, text in FIRST_CALLS]
+    rows += [(text, key, "", "", fixed_digits(result[key], 1) + " s", "", "") for key, text in FIRST_CALLS]
     heads = (
         "what",
         "key",
@@ -266,8 +266,8 @@ def table(result):
         "frame / this",
         "clocked / this",
     )
-    named = ", ".join(f"{name} {version}" for name, version in result["versions"].items() if version)
-    return Table("Speed, one core", heads, rows, f"{result['cpu']}; {named}", (2, 3, 4, 5, 6))
+    version_text = ", ".join(f"{name} {version}" for name, version in result["versions"].items() if version)
+    return Table("Speed, one core", heads, rows, f"{result['cpu']}; {version_text}", (2, 3, 4, 5, 6))
 
 
 def growth_table(result):
@@ -290,7 +290,7 @@ def stage_table(result):
 
 def speed_part(result):
     """The generated part of docs/speed.md."""
-    shown = table(result)
+    speed_table = table(result)
     roof = "The roof was not measured."
     if result["peak_pairs_per_s"] is not None:
         roof = (
@@ -298,7 +298,7 @@ def speed_part(result):
             f"{result['peak_pairs_per_s'] / 1e9:.1f}e9 such pairs per second measured."
         )
     return (
-        f"Measured with `{COMMAND}` on {shown.note}.\n\n{markdown(shown)}\n\n{roof}\n\n"
+        f"Measured with `{COMMAND}` on {speed_table.note}.\n\n{markdown(speed_table)}\n\n{roof}\n\n"
         f"Where the frame engine's time goes, each stage alone:\n\n{markdown(stage_table(result))}\n\n"
         "How the cost of the frame engine grows, and that of one of several lanes:\n\n"
         f"{markdown(growth_table(result))}\n\n"

@@ -89,23 +89,23 @@ def tool(name):
 
 def versions():
     """{tool: version} of what builds the comparators, None for a tool that is not there."""
-    asked = {"gcc": ("-dumpfullversion",), "verilator": ("--version",), "iverilog": ("-V",)}
-    found = {}
-    for name, arguments in asked.items():
+    version_options = {"gcc": ("-dumpfullversion",), "verilator": ("--version",), "iverilog": ("-V",)}
+    version_by_tool = {}
+    for name, arguments in version_options.items():
         path = shutil.which(name)
-        said = subprocess.run([path, *arguments], capture_output=True, text=True).stdout if path else ""
-        number = re.search(r"\d+(\.\d+)+", said)
-        found[name] = number[0] if number else None
-    return found
+        output = subprocess.run([path, *arguments], capture_output=True, text=True).stdout if path else ""
+        number = re.search(r"\d+(\.\d+)+", output)
+        version_by_tool[name] = number[0] if number else None
+    return version_by_tool
 
 
-def _call(command, folder):
-    done = subprocess.run([str(part) for part in command], cwd=folder, capture_output=True, text=True)
-    if done.returncode:
-        lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
-        said = next((line for line in lines if "error" in line.lower()), lines[-1])
-        raise Missing(f"{Path(command[0]).name} failed: {said.strip()}")
-    return done.stdout
+def _run_command(command, folder):
+    completed = subprocess.run([str(part) for part in command], cwd=folder, capture_output=True, text=True)
+    if completed.returncode:
+        lines = (completed.stderr.strip() or completed.stdout.strip() or "no message").splitlines()
+        error_line = next((line for line in lines if "error" in line.lower()), lines[-1])
+        raise Missing(f"{Path(command[0]).name} failed: {error_line.strip()}")
+    return completed.stdout
 
 
 def _compiler():
@@ -115,7 +115,7 @@ def _compiler():
 def build_verilator(folder, flags=FLAGS):
     """The verilated firmware; returns its command."""
     verilator, make, _ = tool("verilator"), tool("make"), _compiler()
-    _call(
+    _run_command(
         [verilator, "--cc", "--exe", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--noassert", "-Wno-lint"]
         + ["-Wno-fatal", "--Mdir", "verilated", "--top-module", board.MODULE, "-CFLAGS", f"-std=c++17 -I{SOURCES}"]
         + [DESIGN, *library.sources(RTL), SOURCES / "verilator.cpp"],
@@ -124,7 +124,7 @@ def build_verilator(folder, flags=FLAGS):
     # OPT_FAST is -Os by default and comes after CFLAGS: an -O3 there would be undone
     fast = " ".join(flags)
     name = f"V{board.MODULE}"
-    _call([make, "-s", "-C", "verilated", "-f", f"{name}.mk", f"OPT_FAST={fast}", f"OPT_GLOBAL={fast}"], folder)
+    _run_command([make, "-s", "-C", "verilated", "-f", f"{name}.mk", f"OPT_FAST={fast}", f"OPT_GLOBAL={fast}"], folder)
     return [str(folder / "verilated" / name)]
 
 
@@ -132,12 +132,12 @@ def build_icarus(folder):
     """The firmware under Icarus with the board as a VPI module; returns its command."""
     iverilog, vvp = tool("iverilog"), tool("vvp")
     header = Path(iverilog).resolve().parent.parent / "include" / "iverilog"
-    _call(
+    _run_command(
         [_compiler(), "-std=c++17", *FLAGS, "-shared", "-fPIC", f"-I{header}", SOURCES / "vpi.cpp", "-o", "board.vpi"],
         folder,
     )
     # 2012 for the `final` block of the design alone
-    _call(
+    _run_command(
         [iverilog, "-g2012", "-s", "icarus", "-o", "core.vvp", SOURCES / "icarus.v", DESIGN, *library.sources(RTL)],
         folder,
     )
@@ -150,16 +150,18 @@ def build_c(folder, flags=FLAGS):
     objects = folder / "objects"
     objects.mkdir(exist_ok=True)
     sources = sorted((folder / "model").glob("*.c"))
-    _call([cc, "-std=c99", *flags, f"-I{folder / 'model'}", "-c", *sources], objects)
+    _run_command([cc, "-std=c99", *flags, f"-I{folder / 'model'}", "-c", *sources], objects)
     program = [SOURCES / "c_firmware.cpp", *sorted(objects.glob("*.o"))]
-    _call([cxx, "-std=c++17", *flags, f"-I{folder / 'model'}", f"-I{SOURCES}", *program, "-o", "c_firmware"], folder)
+    _run_command(
+        [cxx, "-std=c++17", *flags, f"-I{folder / 'model'}", f"-I{SOURCES}", *program, "-o", "c_firmware"], folder
+    )
     return [str(folder / "c_firmware")]
 
 
 def build_peak(folder):
     """The kernel that measures the peak of this CPU; returns its command."""
     folder.mkdir(parents=True, exist_ok=True)
-    _call([tool("gcc"), *FLAGS, SOURCES / "peak.c", "-o", "peak"], folder)
+    _run_command([tool("gcc"), *FLAGS, SOURCES / "peak.c", "-o", "peak"], folder)
     return [str(folder / "peak")]
 
 
@@ -173,8 +175,8 @@ def run(name, command, folder, ticks):
     """Run a built comparator for `ticks` from the exported state; returns `Codes`."""
     files = {"state": folder / "state.bin", "ticks": ticks, "codes": folder / f"{name}.codes"}
     arguments = [f"+{key}={value}" for key, value in files.items()] if name == "icarus" else list(files.values())
-    shown = _call([*command, *arguments], folder)
-    values = [line.split()[1:] for line in shown.splitlines() if line.startswith("register ")]
+    output = _run_command([*command, *arguments], folder)
+    values = [line.split()[1:] for line in output.splitlines() if line.startswith("register ")]
     raw = files["codes"].read_bytes()
     ticks, frames = (int(n) for n in np.frombuffer(raw, "<i8", 2))
     cpu_s, *plant = np.frombuffer(raw, "<f8", 1 + PLANT_STATES, 16)
@@ -207,23 +209,23 @@ def differences(engine, peer):
 
     A shorter run of the comparator is compared as far as it goes, then without its registers and plant.
     """
-    found = []
+    lines = []
     ticks = len(peer.drive)
     for name, have, want in (("drive", peer.drive, engine.drive), ("sense", peer.sense, engine.sense)):
         for k in np.flatnonzero(have != want[:ticks])[:1]:
-            found.append(f"{name} DAC, tick {k}: code {have[k]} instead of {want[k]}")
+            lines.append(f"{name} DAC, tick {k}: code {have[k]} instead of {want[k]}")
     # a conversion that is there when a frame begins is read in that frame, and the engine's next row shows it
     have, want = peer.adc[: len(engine.adc) - 1], engine.adc[1 : 1 + len(peer.adc)]
     for k, c in np.argwhere(have != want)[:1]:
-        found.append(f"ADC channel {c}, frame {k}: code {have[k, c]} instead of {want[k, c]}")
+        lines.append(f"ADC channel {c}, frame {k}: code {have[k, c]} instead of {want[k, c]}")
     if ticks == len(engine.drive):
         for name in [name for name, value in peer.registers.items() if value != engine.registers[name]][:1]:
-            found.append(f"register {name}: {peer.registers[name]} instead of {engine.registers[name]}")
+            lines.append(f"register {name}: {peer.registers[name]} instead of {engine.registers[name]}")
         for k in np.flatnonzero(peer.plant != engine.plant)[:1]:
-            found.append(f"plant state {k}: {float(peer.plant[k]).hex()} instead of {float(engine.plant[k]).hex()}")
-    return found
+            lines.append(f"plant state {k}: {float(peer.plant[k]).hex()} instead of {float(engine.plant[k]).hex()}")
+    return lines
 
 
 def peak_pairs_per_s(command, rounds=20_000_000):
     """Multiply-add pairs of doubles per CPU second, not fused, in vectors, nothing waiting for anything."""
-    return float(_call([*command, rounds], None))
+    return float(_run_command([*command, rounds], None))

@@ -42,7 +42,7 @@ def repeat(p, a, sid, control, bank, dog, turn, b, stage, frames, rate_rad_s, qu
         if stage == NOISE:
             x, y = linear.FEED * linear.STRIDE, (linear.FEED + 1) * linear.STRIDE
             for _ in range(3):
-                noise.fill_held(p.plant.noise.force_x, p.plant.noise.force_y, tick, w, x, y, n)
+                noise.fill_hold_rows(p.plant.noise.force_x, p.plant.noise.force_y, tick, w, x, y, n)
             noise.fill_rows(p.plant.noise.edge_jitter, p.plant.noise.edge_jitter, tick, 1, w, x, y, linear.BLOCK)
         elif stage == CHAINS:
             linear.chains(a.g, w, n)
@@ -55,7 +55,7 @@ def repeat(p, a, sid, control, bank, dog, turn, b, stage, frames, rate_rad_s, qu
         elif stage == EDGES:
             sid_edges.demodulate(p.plant, a, tick, n, edge_count, edges, a.now[plant.NOW_DRIVER], temp_degc)
         elif stage == CONVERTER:
-            total += adc.block(p.plant.adc, a.adc.clock, a.adc.sums, a.work.demodulated, n, 0.1)
+            total += adc.convert_block(p.plant.adc, a.adc.clock, a.adc.sums, a.work.demodulated, n, 0.1)
         elif stage == MATRIX:
             plant.retune(p.plant, a, rate_rad_s, quad_code + (k & 1), temp_degc)
         elif stage == CODES:
@@ -65,7 +65,7 @@ def repeat(p, a, sid, control, bank, dog, turn, b, stage, frames, rate_rad_s, qu
         else:
             s = window.Window(control, bank, dog, turn, 0, quad_code)
             zeros = (0, 0, 0, 0, 0, 0, 0, 0)
-            s, ticks = window.play(
+            s, ticks = window.advance_window(
                 p.fpga,
                 s,
                 sid,
@@ -93,7 +93,7 @@ def measure(repeats=7, frames=400):
     b.amplitude[:], b.rate[:] = f.control.agc.loop.y, f.control.rate_loop.loop.y
     word = f.control.frequency_tracker.word
     turn = Turn(0, f.dds.phase, word, word, 0, word, sim.design.dds_bits)
-    count, _ = _edges(sim.params, turn, f.registers, b)
+    count, _ = _reference_edges(sim.params, turn, f.registers, b)
     quad_code = f.control.quadrature_loop.root.y
     kernels.advance(sim, FRAME_TICKS)
     a.work.w[:] = sim.state.plant.work.w
@@ -130,5 +130,5 @@ def measure(repeats=7, frames=400):
 
 
 @hot
-def _edges(p, turn, bank, b):
+def _reference_edges(p, turn, bank, b):
     return pins.reference_edges(p.fpga.design, p.fpga.references, turn, bank, 0, FRAME_TICKS, 0, b)

@@ -43,7 +43,7 @@ class RunOptions(NamedTuple):
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")]
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")]
     sets: Sets = None
-    own_engines: Engines = None
+    engine_texts: Engines = None
     workers: Annotated[int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")] = (
         None
     )
@@ -72,9 +72,9 @@ def run(o):
     from testbench.campaign.plan.plan import read
     from testbench.campaign.progress import Progress
 
-    wanted = read(o.plan, o.sets or (), o.own_engines or ())
+    campaign_plan = read(o.plan, o.sets or (), o.engine_texts or ())
     try:
-        report = execute.run(wanted, o.out, _executor(o), Progress(quiet=o.as_json))
+        report = execute.run(campaign_plan, o.out, _executor(o), Progress(quiet=o.as_json))
     except KeyboardInterrupt:
         typer.echo("gyro: what is finished is kept: the same command continues", err=True)
         raise
@@ -94,18 +94,18 @@ def _executor(o):
 
 def local(workers):
     """Executor of so many processes on this machine; 0: this one, None: one to a core."""
-    from testbench.campaign.pool import Here, Pool
+    from testbench.campaign.pool import InProcess, Pool
 
     if workers == 0:
-        return Here()
+        return InProcess()
     return Pool(workers or os.cpu_count() or 1)
 
 
 def _print_report(report, as_json):
     if as_json:
         rejected, failures = (
-            [{"point": address, "error": text} for address, text in found]
-            for found in (report.rejected, report.failures)
+            [{"point": address, "error": text} for address, text in pairs]
+            for pairs in (report.rejected, report.failures)
         )
         files = [str(path) for path in report.files]
         print_json({**report._asdict(), "rejected": rejected, "failures": failures, "files": files})
@@ -125,18 +125,18 @@ def _print_report(report, as_json):
 def check(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
     sets: Sets = None,
-    own_engines: Engines = None,
+    engine_texts: Engines = None,
     as_json: Json = False,
 ):
     """Check every point of a plan, and say what it would run."""
     from testbench.campaign.plan import plan as plans
 
-    wanted = plans.read(plan, sets or (), own_engines or ())
-    points, _ = plans.points(wanted)
+    campaign_plan = plans.read(plan, sets or (), engine_texts or ())
+    points, _ = plans.points(campaign_plan)
     unique = len({point.address for point in points})
-    axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in wanted.axes]
+    axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in campaign_plan.axes]
     if as_json:
-        print_json({"name": wanted.name, "points": len(points), "different": unique, "axes": axes})
+        print_json({"name": campaign_plan.name, "points": len(points), "different": unique, "axes": axes})
         return
     for axis in axes:
         typer.echo(f"{axis['name']:<16} {axis['length']:>6}  {', '.join(axis['parameters'])}")
@@ -146,18 +146,18 @@ def check(
 @app.command()
 def status(store: StorePath, as_json: Json = False):
     """Say what is finished of every plan in a store, what failed last, what is damaged, and who is at work."""
-    from testbench.campaign.status import status_of
+    from testbench.campaign.status import store_status
     from testbench.campaign.store import Store
 
-    found = Store.at(store)
-    plans, damaged, lines = status_of(found)
-    busy = found.busy()
+    results_store = Store.open_folder(store)
+    plans, damaged, lines = store_status(results_store)
+    busy = results_store.busy()
     if as_json:
-        owner = found.owner() if busy else ""
+        owner = results_store.owner() if busy else ""
         print_json({"busy": busy, "owner": owner, "plans": plans, "damaged": damaged, "journal": lines})
     else:
         _print_status(plans, damaged, lines)
-        typer.echo(f"at work: {found.owner()}" if busy else "nobody is at work here")
+        typer.echo(f"at work: {results_store.owner()}" if busy else "nobody is at work here")
     if damaged:
         raise typer.Exit(EXIT_FAILED)
 
@@ -191,12 +191,12 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     from testbench.campaign.progress import Running
     from testbench.campaign.store import Store
 
-    found = Store.at(store)
-    name = _only(found, name)
-    wanted = collect.stored_points(found, name)
-    points, faults = collect.load(found, wanted.addresses)
-    heads, table = collect.rows(wanted, points)
-    first = 3 + sum(len(a.values) + bool(a.cases) for a in wanted.plan.axes)
+    results_store = Store.open_folder(store)
+    name = _only(results_store, name)
+    stored_plan = collect.read_stored_plan(results_store, name)
+    points, faults = collect.load(results_store, stored_plan.addresses)
+    heads, table = collect.rows(stored_plan, points)
+    first = 3 + sum(len(a.values) + bool(a.cases) for a in stored_plan.plan.axes)
     numbers = {}
     for k, head in enumerate(heads[first:], first):
         values = [row[k] for row in table if isinstance(row[k], float) and math.isfinite(row[k])]
@@ -211,7 +211,7 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
                 "min": min(values),
                 "max": max(values),
             }
-    axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in wanted.plan.axes]
+    axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in stored_plan.plan.axes]
     finished = sum(row[2] for row in table)
     if as_json:
         print_json({"name": name, "points": len(table), "finished": finished, "axes": axes, "numbers": numbers})
@@ -245,9 +245,9 @@ def collect_command(store: StorePath, name: Name = None):
     from testbench.campaign import collect
     from testbench.campaign.store import Store
 
-    found = Store.at(store)
-    with found.locked():
-        paths, faults = collect.write(found, _only(found, name))
+    results_store = Store.open_folder(store)
+    with results_store.hold_lock():
+        paths, faults = collect.write(results_store, _only(results_store, name))
     for path in paths:
         typer.echo(path)
     _end(faults)
@@ -263,8 +263,8 @@ def table(
     from testbench.campaign import collect
     from testbench.campaign.store import Store
 
-    found = Store.at(store)
-    faults = collect.write_parquet(found, _only(found, name), out)
+    results_store = Store.open_folder(store)
+    faults = collect.write_parquet(results_store, _only(results_store, name), out)
     typer.echo(out)
     _end(faults)
 
@@ -274,13 +274,13 @@ def rerun(
     store: StorePath,
     point: Annotated[str, typer.Argument(metavar="POINT", help="Address, or its first digits.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where the new file goes.")] = None,
-    own_engines: Engines = None,
+    engine_texts: Engines = None,
     as_json: Json = False,
 ):
     """Run one finished point alone, here, and compare it with its file byte for byte."""
     from testbench.campaign.rerun import rerun as again
 
-    report = again(store, point, out, own_engines or ())
+    report = again(store, point, out, engine_texts or ())
     if as_json:
         print_json(report._asdict())
     else:

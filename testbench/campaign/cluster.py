@@ -18,7 +18,7 @@ import time
 
 from testbench.campaign import work
 from testbench.errors import ConfigError
-from testbench.interrupts import held
+from testbench.interrupts import defer_interrupts
 
 ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
 ENCRYPTED = ("tls://", "wss://")
@@ -65,7 +65,7 @@ class Cluster:
                 logging.getLogger(name).setLevel(SILENT)
         try:
             if self.address is None:
-                security = self._own(distributed)
+                security = self._start_cluster(distributed)
             else:
                 security = self._configured(distributed)
             self._client = self._stack.enter_context(
@@ -83,7 +83,7 @@ class Cluster:
             raise
         return self
 
-    def _own(self, distributed):
+    def _start_cluster(self, distributed):
         """Certificates of a cluster of our own, which stands then."""
         import dask
 
@@ -96,7 +96,7 @@ class Cluster:
         # Dask's own folder in /tmp is whoever made it first
         folder = self._stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
         # half a cluster cannot be closed, so Ctrl-C waits until it stands
-        with dask.config.set({WORKER_LOG: "critical"}), held():
+        with dask.config.set({WORKER_LOG: "critical"}), defer_interrupts():
             cluster = dask_nodes.cluster(self.workers, security, folder, SILENT)
             self.address = self._stack.enter_context(cluster).scheduler_address
         return security
@@ -128,7 +128,7 @@ class Cluster:
 
     def run(self, store, batches):
         """Yield lists of `work.Outcome` as batches end; ClusterError when the scheduler is lost."""
-        done = queue.SimpleQueue()
+        finished_keys = queue.SimpleQueue()
         futures = {}
 
         def submit(batch, tries):
@@ -141,14 +141,14 @@ class Cluster:
                 pure=False,
             )
             futures[future.key] = future, batch, tries
-            future.add_done_callback(lambda f: done.put(f.key))
+            future.add_done_callback(lambda f: finished_keys.put(f.key))
 
         for batch in batches:
             submit(batch, 1)
         silent_since = None
         while futures:
             try:
-                key = done.get(timeout=POLL_S)
+                key = finished_keys.get(timeout=POLL_S)
             except queue.Empty:
                 silent_since = self._check(silent_since)
                 continue
@@ -158,7 +158,7 @@ class Cluster:
             elif future.status == "error":
                 failures = [self._failure(address, future) for address in batch.addresses]
                 if len(failures) > 1 and all(failure.status == work.FAILED for failure in failures):
-                    for one in batch.alone():
+                    for one in batch.split():
                         submit(one, 1)
                 else:
                     yield failures

@@ -26,13 +26,13 @@ from testbench.campaign.plan import stored
 from testbench.campaign.plan.measure import Variable
 from testbench.campaign.verify import read_point
 from testbench.errors import FileError
-from testbench.interrupts import held
-from testbench.storage.files import GuardedFile, explain, replacing, together, write_bytes, write_text
+from testbench.interrupts import defer_interrupts
+from testbench.storage.files import GuardedFile, atomic_outputs, explain, replacing, write_bytes, write_text
 
 SCHEMA = "gyrocampaign/1"
 
 
-class StoredPoint(NamedTuple):
+class StoredPlan(NamedTuple):
     """A plan as the store keeps it."""
 
     plan: plans.Plan
@@ -49,12 +49,12 @@ def plan_names(store):
     return sorted(path.stem for path in (store.path / "plans").glob("*.json"))
 
 
-def stored_points(store, name):
+def read_stored_plan(store, name):
     """`StoredPoint`s of a name."""
     if name not in plan_names(store):
-        known = ", ".join(plan_names(store)) or "none"
-        raise FileError(f"{store.path}: has no plan {name!r}; known: {known}")
-    return StoredPoint(*stored.read(plan_path(store, name)))
+        names = ", ".join(plan_names(store)) or "none"
+        raise FileError(f"{store.path}: has no plan {name!r}; known: {names}")
+    return StoredPlan(*stored.read(plan_path(store, name)))
 
 
 def results(store, name):
@@ -65,7 +65,7 @@ def results(store, name):
 # ---- coordinates -----------------------------------------------------------------------------------------------------
 
 
-def _unit(dotted):
+def _parameter_unit(dotted):
     if dotted == plans.ENGINE:
         return ""
     section, key = dotted.split(".")
@@ -88,7 +88,7 @@ def coordinates(plan):
         columns = {}
         for dotted in axis.values:
             values = _values([plans.value_at(plan, axis, dotted, k) for k in range(axis.length)])
-            unit = _unit(dotted)
+            unit = _parameter_unit(dotted)
             attrs = {"parameter": dotted, **({"units": unit} if unit else {})}
             columns[dotted] = Variable((axis.name,), values, attrs)
         lone = next(iter(columns.values())) if len(columns) == 1 and not axis.cases else None
@@ -96,8 +96,8 @@ def coordinates(plan):
         if distinct:
             scales[axis.name] = lone
             continue
-        place = np.array(axis.cases, object) if axis.cases else np.arange(axis.length)
-        scales[axis.name] = Variable((axis.name,), place, {})
+        positions = np.array(axis.cases, object) if axis.cases else np.arange(axis.length)
+        scales[axis.name] = Variable((axis.name,), positions, {})
         other |= columns
     return scales, other
 
@@ -151,26 +151,26 @@ class _Layout(NamedTuple):
     attrs: dict
 
 
-def _layouts(plan, found):
+def _layouts(plan, points):
     """{name: _Layout} over all finished points."""
-    out, taken = {}, {"finished", "point"} | {name for axis in plan.axes for name in (axis.name, *axis.values)}
-    for address, variables in found.items():
-        taken |= {dim for variable in variables.values() for dim in variable.dims}
+    out, reserved = {}, {"finished", "point"} | {name for axis in plan.axes for name in (axis.name, *axis.values)}
+    for address, variables in points.items():
+        reserved |= {dim for variable in variables.values() for dim in variable.dims}
         for name, (dims, data, attrs) in variables.items():
-            if name in taken:
+            if name in reserved:
                 raise FileError(f"{store_name(address)}: {name} is a dimension or a parameter, and no name of a result")
             if dims == ("tau_s",) and np.shape(data) != (len(plan.keep.tau_s),):
                 raise FileError(f"{store_name(address)}: {name} is of other tau_s than the plan's")
             text = isinstance(data, str)
-            known = data if isinstance(data, Stub) else np.asarray(data)
-            shape, dtype = known.shape, np.dtype(object) if text else known.dtype
+            array = data if isinstance(data, Stub) else np.asarray(data)
+            shape, dtype = array.shape, np.dtype(object) if text else array.dtype
             was = out.setdefault(name, _Layout(dims, shape, dtype, attrs))
             if was.dims != dims or (was.dtype == object) != text:
                 raise FileError(f"{store_name(address)}: {name} is of another kind than in other points")
             longest = tuple(max(a, b) for a, b in zip(was.shape, shape))
             # integers stay integers only if every point has as many
-            even = was.dtype == dtype and was.shape == shape
-            out[name] = was._replace(shape=longest, dtype=was.dtype if even else np.dtype(float))
+            is_uniform = was.dtype == dtype and was.shape == shape
+            out[name] = was._replace(shape=longest, dtype=was.dtype if is_uniform else np.dtype(float))
     return out
 
 
@@ -179,41 +179,43 @@ def store_name(address):
     return f"{address[:2]}/{address[2:]}"
 
 
-@held()  # the HDF5 library calls Python to write, and knows no exceptions
-def _write_netcdf(store, wanted, found, path):
+@defer_interrupts()  # the HDF5 library calls Python to write, and knows no exceptions
+def _write_netcdf(store, stored_plan, points, path):
     """Write results/NAME.nc; streams go through the memory one point at a time."""
-    plan, addresses = wanted
+    plan, addresses = stored_plan
     dims = tuple(axis.name for axis in plan.axes)
-    layouts = _layouts(plan, found)
-    whole = all(address in found and layouts.keys() == found[address].keys() for address in addresses)
+    layouts = _layouts(plan, points)
+    is_complete = all(address in points and layouts.keys() == points[address].keys() for address in addresses)
     scales, parameters = coordinates(plan)
     empty = {name: Variable(v.dims, np.broadcast_to(0, v.shape), v.attrs) for name, v in layouts.items()}
-    scales |= shard.scales_of(empty, plan.keep.tau_s)
+    scales |= shard.dimension_scales(empty, plan.keep.tau_s)
     # a convention by which xarray knows parameters from results
-    said = {"coordinates": " ".join(parameters)} if parameters else {}
-    here = np.array([address in found for address in addresses], np.int8).reshape(plan.shape)
+    coordinate_attrs = {"coordinates": " ".join(parameters)} if parameters else {}
+    finished = np.array([address in points for address in addresses], np.int8).reshape(plan.shape)
     names = np.array(addresses, object).reshape(plan.shape)
     results = {
-        "finished": Variable(dims, here, {"long_name": "1: the point is finished, 0: it is not", **said}),
-        "point": Variable(dims, names, {"long_name": "address", **said}),
+        "finished": Variable(
+            dims, finished, {"long_name": "1: the point is finished, 0: it is not", **coordinate_attrs}
+        ),
+        "point": Variable(dims, names, {"long_name": "address", **coordinate_attrs}),
     }
     streams = {}
     for name, layout in layouts.items():
-        attrs = layout.attrs | said
+        attrs = layout.attrs | coordinate_attrs
         if any(dim.startswith("time_") for dim in layout.dims):
             streams[name] = layout, attrs
         else:
-            data = _gathered(name, layout, plan, [found.get(address, {}) for address in addresses])
+            data = _collect_variable(name, layout, plan, [points.get(address, {}) for address in addresses])
             results[name] = Variable(dims + layout.dims, data, attrs)
     with _hdf5(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["plan"] = plan.name
         shard.write_variables(file, parameters | results, scales)
         if streams:
-            _write_streams(file, store, wanted, found, streams, whole)
+            _write_streams(file, store, stored_plan, points, streams, is_complete)
 
 
-def _gathered(name, layout, plan, points):
+def _collect_variable(name, layout, plan, points):
     """A variable of all points in memory."""
     text = layout.dtype == object
     data = np.full((len(points), *layout.shape), "" if text else math.nan, object if text else float)
@@ -223,24 +225,24 @@ def _gathered(name, layout, plan, points):
     return data.reshape(plan.shape + layout.shape)
 
 
-def _write_streams(file, store, wanted, found, streams, whole):
-    plan, addresses = wanted
+def _write_streams(file, store, stored_plan, points, streams, is_complete):
+    plan, addresses = stored_plan
     dims = tuple(axis.name for axis in plan.axes)
     datasets = {}
     for name, (layout, attrs) in streams.items():
-        dtype = layout.dtype if whole else np.dtype(float)
+        dtype = layout.dtype if is_complete else np.dtype(float)
         chunks = (1,) * len(dims) + layout.shape if all(layout.shape) else None
         fill = math.nan if dtype.kind == "f" else 0
         datasets[name] = file.create_dataset(name, plan.shape + layout.shape, dtype, chunks=chunks, fillvalue=fill)
         datasets[name].attrs.update(attrs)
         for k, dim in enumerate(dims + layout.dims):
             datasets[name].dims[k].attach_scale(file[dim])
-    for place, address in zip(np.ndindex(*plan.shape), addresses):
-        if address in found:
+    for index, address in zip(np.ndindex(*plan.shape), addresses):
+        if address in points:
             variables = read_point(store, address)[1]
             for name in streams.keys() & variables.keys():
                 data = variables[name].data
-                datasets[name][place + tuple(slice(n) for n in data.shape)] = data
+                datasets[name][index + tuple(slice(n) for n in data.shape)] = data
 
 
 @contextlib.contextmanager
@@ -269,12 +271,12 @@ def _cell(value):
     return str(value)
 
 
-def rows(wanted, found):
+def rows(stored_plan, points):
     """(heads, rows) of the table: one row per point, scalars only, an adev per tau_s; None where there is nothing."""
-    plan, addresses = wanted
+    plan, addresses = stored_plan
     parameters = [(axis, dotted) for axis in plan.axes for dotted in axis.values]
     numbers, cells_of = {}, {}
-    for address, variables in found.items():
+    for address, variables in points.items():
         one = cells_of[address] = {}
         for name, (dims, data, _) in variables.items():
             if not dims:
@@ -285,10 +287,10 @@ def rows(wanted, found):
     names = [axis.name for axis in plan.axes if axis.cases]
     heads = ["number", "point", "finished", *names, *(dotted for _, dotted in parameters), *numbers]
     table = []
-    for k, (place, address) in enumerate(zip(np.ndindex(*plan.shape), addresses)):
+    for k, (index, address) in enumerate(zip(np.ndindex(*plan.shape), addresses)):
         one = cells_of.get(address, {})
-        at = {axis.name: n for axis, n in zip(plan.axes, place)}
-        cells = [k, address, int(address in found)]
+        at = {axis.name: n for axis, n in zip(plan.axes, index)}
+        cells = [k, address, int(address in points)]
         cells += [axis.cases[at[axis.name]] for axis in plan.axes if axis.cases]
         cells += [_scalar(plans.value_at(plan, axis, dotted, at[axis.name])) for axis, dotted in parameters]
         table.append(cells + [one.get(name) for name in numbers])
@@ -299,10 +301,10 @@ def _scalar(value):
     return value if isinstance(value, (int, float, str)) else json.dumps(value)
 
 
-def _write_table(wanted, found, path):
+def _write_table(stored_plan, points, path):
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    heads, table = rows(wanted, found)
+    heads, table = rows(stored_plan, points)
     writer.writerow(heads)
     writer.writerows([["" if cell is None else _cell(cell) for cell in row] for row in table])
     write_text(path, text.getvalue())
@@ -310,12 +312,12 @@ def _write_table(wanted, found, path):
 
 def write(store, name):
     """Make the results of a plan anew; returns ([path, ...], {address: what is wrong} of points that do not count)."""
-    wanted = stored_points(store, name)
+    stored_plan = read_stored_plan(store, name)
     netcdf, table = results(store, name)
-    found, faults = load(store, wanted.addresses)
-    with together():
-        _write_netcdf(store, wanted, found, netcdf)
-        _write_table(wanted, found, table)
+    points, faults = load(store, stored_plan.addresses)
+    with atomic_outputs():
+        _write_netcdf(store, stored_plan, points, netcdf)
+        _write_table(stored_plan, points, table)
     return [netcdf, table], faults
 
 
@@ -326,9 +328,9 @@ def write_parquet(store, name, path):
         from pyarrow import parquet
     except ImportError:
         raise FileError(f"{path}: pyarrow is not installed; pip install 'ftr-gyro[campaign]'") from None
-    wanted = stored_points(store, name)
-    found, faults = load(store, wanted.addresses)
-    heads, table = rows(wanted, found)
+    stored_plan = read_stored_plan(store, name)
+    points, faults = load(store, stored_plan.addresses)
+    heads, table = rows(stored_plan, points)
     columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
     sink = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), sink)

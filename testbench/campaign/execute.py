@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, verify, work
 from testbench.campaign.plan import engines, plan, stored
-from testbench.campaign.plan.points import task_of
+from testbench.campaign.plan.points import read_task
 from testbench.campaign.store import Store
 from testbench.errors import FileError
-from testbench.storage.files import replacing, together, write_text
+from testbench.storage.files import atomic_outputs, replacing, write_text
 
 
 class Report(NamedTuple):
@@ -30,13 +30,13 @@ class Report(NamedTuple):
     wall_s: float
 
 
-def batches_of(points, states, workers=1):
+def make_batches(points, states, workers=1):
     """`work.Batch`es of points that may share a call, in the order of the points; few are spread over all workers."""
     groups = {}
     for point in points:
         engine = engines.load(point.engine)
         # the configuration is made again only where an engine wants to know
-        group = engine.group(task_of(point.identity, states).config) if engine.batch > 1 else ()
+        group = engine.group(read_task(point.identity, states).config) if engine.batch > 1 else ()
         groups.setdefault((point.engine, group), []).append(point.identity)
     out = []
     for (name, _), identities in groups.items():
@@ -45,7 +45,7 @@ def batches_of(points, states, workers=1):
     return out
 
 
-def run(wanted, path, executor, progress, write_more=None):
+def run(campaign_plan, path, executor, progress, write_more=None):
     """Run what is missing of a plan; returns `Report`.
 
     path      folder of the store, which is made if it is not there
@@ -55,39 +55,41 @@ def run(wanted, path, executor, progress, write_more=None):
     Raises ConfigError before anything runs, FileError when nothing more can be kept, ClusterError when it is lost.
     """
     began = time.monotonic()
-    points, states = plan.points(wanted)
-    store = Store.at(path, create=True)
-    with store.locked():
+    points, states = plan.points(campaign_plan)
+    store = Store.open_folder(path, create=True)
+    with store.hold_lock():
         for digest, state in states.items():
             _keep_state(store, digest, state)
         addresses = [point.address for point in points]
-        write_text(collect.plan_path(store, wanted.name), stored.text_of(wanted, addresses))
+        write_text(collect.plan_path(store, campaign_plan.name), stored.plan_json(campaign_plan, addresses))
         rejected = verify.reject(store, addresses, store.written())
         for text in rejected.values():
             progress.note(f"{text}; this point is run again")
         missing = {p.address: p for p in points if not store.has(p.address)}
-        failures, done = {}, 0
+        failures, finished_count = {}, 0
         unique = len(set(addresses))
-        progress.begin(unique, unique - len(missing), executor)
+        progress.set_totals(unique, unique - len(missing), executor)
         if missing:
             with executor, progress:
                 for outcomes in executor.run(
-                    store, batches_of(missing.values(), store.path / "states", executor.workers)
+                    store, make_batches(missing.values(), store.path / "states", executor.workers)
                 ):
                     for outcome in outcomes:
                         if outcome.status == work.STOP:
-                            raise FileError(_kept(outcome.error, store, addresses))
+                            raise FileError(_stop_message(outcome.error, store, addresses))
                         if outcome.status == work.FAILED:
                             failures[outcome.address] = outcome.error
-                        done += outcome.status in (work.DONE, work.FOUND)
+                        finished_count += outcome.status in (work.DONE, work.FOUND)
                         progress.add(outcome)
-        with together():
-            files, faults = collect.write(store, wanted.name)
+        with atomic_outputs():
+            files, faults = collect.write(store, campaign_plan.name)
             files += write_more() if write_more else []
         failures |= faults
-    listed = [(address, failures[address]) for address in dict.fromkeys(addresses) if address in failures]
+    failure_list = [(address, failures[address]) for address in dict.fromkeys(addresses) if address in failures]
     reused, wall_s = unique - len(missing), time.monotonic() - began
-    return Report(wanted.name, len(points), reused, done, list(rejected.items()), listed, files, wall_s)
+    return Report(
+        campaign_plan.name, len(points), reused, finished_count, list(rejected.items()), failure_list, files, wall_s
+    )
 
 
 def _keep_state(store, digest, state):
@@ -99,6 +101,6 @@ def _keep_state(store, digest, state):
                 raise FileError(f"{state}: was changed while it was copied")
 
 
-def _kept(text, store, addresses):
+def _stop_message(text, store, addresses):
     finished = sum(store.has(address) for address in set(addresses))
     return f"{text}; {finished} of {len(set(addresses))} points are finished and kept: the same command continues"

@@ -28,11 +28,11 @@ def follow_main():
     """End this worker when main does, however that ends."""
     main = multiprocessing.parent_process().sentinel
 
-    def leave():
+    def exit_worker():
         wait([main])
         os._exit(1)
 
-    threading.Thread(target=leave, daemon=True).start()
+    threading.Thread(target=exit_worker, daemon=True).start()
 
 
 def serve(connection):
@@ -45,7 +45,7 @@ def serve(connection):
             connection.send(work.run_batch(*connection.recv()))
 
 
-class Here:
+class InProcess:
     """No worker: batches run in this process, one after the other, where a debugger sees them."""
 
     workers = 1
@@ -110,7 +110,7 @@ class Pool:
                             f" (exit code {process.exitcode})"
                         ) from None
                     if tries < TRIES:  # alone from now on: one of them may be the cause
-                        ahead += [(one, tries + 1) for one in batch.alone()]
+                        ahead += [(one, tries + 1) for one in batch.split()]
                         continue
                     yield death_notice(batch, tries, process.exitcode)
                     continue

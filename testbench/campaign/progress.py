@@ -12,8 +12,8 @@ import time
 from testbench.campaign import work
 
 LINE_EVERY_S = 10.0
-SHOWN_NUMBERS = 5
-FIRST_SHOWN = ("drive_frequency_hz", "lock_time_s", "rate_lsb_per_dps", "quadrature_v", "rate_word_mean_lsb")
+MOST_NUMBERS = 5
+PREFERRED_NUMBERS = ("drive_frequency_hz", "lock_time_s", "rate_lsb_per_dps", "quadrature_v", "rate_word_mean_lsb")
 
 
 class Running:
@@ -37,8 +37,8 @@ def clock(seconds):
     """h:mm:ss, or -:--:-- where nothing is known."""
     if not math.isfinite(seconds):
         return "-:--:--"
-    whole = round(seconds)
-    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02}"
+    total_s = round(seconds)
+    return f"{total_s // 3600}:{total_s // 60 % 60:02}:{total_s % 60:02}"
 
 
 class Progress:
@@ -55,7 +55,7 @@ class Progress:
         self.numbers = {}
         self._where = ""
 
-    def begin(self, total, reused, executor):
+    def set_totals(self, total, reused, executor):
         """So many points, of which so many are there already."""
         self.total, self.reused = total, reused
         self._executor = executor
@@ -99,7 +99,7 @@ class Progress:
             self._say(self.line())
 
     @property
-    def left_s(self):
+    def remaining_s(self):
         """Estimate of the time to the end; nan before the first point."""
         ended = self.done + self.failed
         if not ended:
@@ -117,14 +117,14 @@ class Progress:
         if self.simulated_s:
             parts.append(f"{self.simulated_s / spent:.3g} x real time")
         parts.append(f"{self._executor.workers} workers")
-        parts.append(f"{clock(self.left_s)} left")
+        parts.append(f"{clock(self.remaining_s)} left")
         return ", ".join(parts)
 
-    def shown(self):
+    def headline_numbers(self):
         """[(name, mean, std)] of the numbers that are shown: the usual ones first."""
-        names = [name for name in FIRST_SHOWN if name in self.numbers]
+        names = [name for name in PREFERRED_NUMBERS if name in self.numbers]
         names += [name for name in self.numbers if name not in names and self.numbers[name].std > 0]
-        return [(name, self.numbers[name].mean, self.numbers[name].std) for name in names[:SHOWN_NUMBERS]]
+        return [(name, self.numbers[name].mean, self.numbers[name].std) for name in names[:MOST_NUMBERS]]
 
     def _picture(self):
         from rich.console import Group
@@ -133,7 +133,7 @@ class Progress:
 
         ended = self.reused + self.done + self.failed
         table = Table.grid(padding=(0, 2))
-        for name, mean, std in self.shown():
+        for name, mean, std in self.headline_numbers():
             table.add_row(name, f"{mean:.10g}", f"+- {std:.3g}")
         bar = Table.grid()  # a bar alone does not end its line
         bar.add_row(ProgressBar(self.total, ended, width=60))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, shard, work
 from testbench.campaign.plan import engines
-from testbench.campaign.plan.points import parsed, state_of
+from testbench.campaign.plan.points import parsed, state_path
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 from testbench.storage import inputs
@@ -26,46 +26,46 @@ class Rerun(NamedTuple):
 
 def find(store, prefix):
     """The one finished point whose address begins so."""
-    found = [address for address in store.addresses() if address.startswith(prefix.lower())]
-    if len(found) != 1:
-        what = f"{len(found)} points begin" if found else "no finished point begins"
+    matches = [address for address in store.addresses() if address.startswith(prefix.lower())]
+    if len(matches) != 1:
+        what = f"{len(matches)} points begin" if matches else "no finished point begins"
         raise ConfigError(f"{store.path}: {what} with {prefix!r}; addresses stand in results/*.csv")
-    return found[0]
+    return matches[0]
 
 
-def rerun(path, prefix, out=None, own_engines=()):
+def rerun(path, prefix, out=None, engine_texts=()):
     """`Rerun` of a point; FileError if the sources are others than those it was made by.
 
     out          takes the new file
     own_engines  texts as of `--engine`
     """
-    own = engines.parse_options(own_engines)
-    store = Store.at(path)
+    extra_engines = engines.parse_options(engine_texts)
+    store = Store.open_folder(path)
     address = find(store, prefix)
     identity, before = collect.read_point(store, address)
     data = parsed(identity)
-    engines.permit(data.engine, own, store.point(address))
+    engines.permit(data.engine, extra_engines, store.point_path(address))
     engine = engines.load(data.engine)
-    code = engines.code_of(engine)
+    code = engines.source_hash(engine)
     if code != data.code:
         raise FileError(
-            f"{store.point(address)}: was made by sources {data.code[:12]}, these are {code[:12]}: "
+            f"{store.point_path(address)}: was made by sources {data.code[:12]}, these are {code[:12]}: "
             "only the same sources give the same bytes"
         )
-    state = state_of(data, store.path / "states")
+    state = state_path(data, store.path / "states")
     if state is not None and hashlib.sha256(inputs.read_bytes(state)).hexdigest() != state.stem:
         raise FileError(f"{state}: is damaged: its SHA-256 is not its name; run the campaign again")
-    made, _ = work.compute(identity, store.path / "states", engine)
+    new_bytes, _ = work.compute(identity, store.path / "states", engine)
     if out is not None:
-        write_bytes(out, made)
-    kept = store.point(address).read_bytes()
-    _, after = shard.decode(made, "rerun")
+        write_bytes(out, new_bytes)
+    stored_bytes = store.point_path(address).read_bytes()
+    _, after = shard.decode(new_bytes, "rerun")
     names = dict.fromkeys([*before, *after])
-    differ = [name for name in names if not _same(before.get(name), after.get(name))]
-    return Rerun(address, made == kept, len(made), differ)
+    differ = [name for name in names if not _equal_variables(before.get(name), after.get(name))]
+    return Rerun(address, new_bytes == stored_bytes, len(new_bytes), differ)
 
 
-def _same(a, b):
+def _equal_variables(a, b):
     if a is None or b is None or a.dims != b.dims or a.attrs.keys() != b.attrs.keys():
         return False
     if isinstance(a.data, str) or isinstance(b.data, str):

@@ -18,7 +18,7 @@ import numpy as np
 from fpga_model.design_record import DEFAULT
 from testbench.campaign.plan.measure import STEP, Variable
 from testbench.errors import FileError
-from testbench.interrupts import held
+from testbench.interrupts import defer_interrupts
 from testbench.storage import inputs
 from testbench.storage.files import SEAL, SEAL_BYTES
 
@@ -36,17 +36,17 @@ UNITS = (
 )
 
 
-def unit_of(name):
+def number_unit(name):
     """Unit of a number by the ending of its name, such as phase_deg.xe1."""
     stem = name.split(".")[0]
     return next((unit for ending, unit in UNITS if stem.endswith(ending)), "")
 
 
-def variables_of(numbers):
+def number_variables(numbers):
     """{name: Variable} of the numbers that an engine gives."""
     out = {}
     for name, value in numbers.items():
-        attrs = {"units": unit_of(name)} if unit_of(name) else {}
+        attrs = {"units": number_unit(name)} if number_unit(name) else {}
         if not isinstance(value, str):
             value = float("nan") if value is None else float(value)
         out[name] = Variable((), value, attrs)
@@ -67,7 +67,7 @@ def write_variables(file, variables, scales):
             dataset.dims[axis].attach_scale(file[dim])
 
 
-def scales_of(variables, tau_s):
+def dimension_scales(variables, tau_s):
     """Dimension scales that these variables need: tau_s, and time_N counted from the first frame of the scenario."""
     lengths = {dim: np.shape(v.data)[k] for v in variables.values() for k, dim in enumerate(v.dims)}
     steps_s = {dim: v.attrs[STEP] for v in variables.values() for dim in v.dims if STEP in v.attrs}
@@ -89,12 +89,12 @@ def encode(identity, variables, tau_s=()):
     with h5py.File(buffer, "w") as file:
         file.attrs["schema"] = "gyropoint/1"
         file.create_dataset("identity", data=identity, dtype=TEXT)
-        write_variables(file, variables, scales_of(variables, tau_s))
+        write_variables(file, variables, dimension_scales(variables, tau_s))
     data = buffer.getvalue()
     return data + SEAL % hashlib.sha256(data).hexdigest().encode()
 
 
-@held()  # h5py forgets objects in callbacks, in which Python ignores a Ctrl-C
+@defer_interrupts()  # h5py forgets objects in callbacks, in which Python ignores a Ctrl-C
 def decode(data, path):
     """(identity, {name: Variable}) of the bytes of a file; FileError if they were damaged, or never were a point."""
     body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
@@ -128,14 +128,14 @@ def _datasets(file, path, size):
     return out
 
 
-def _variable(dataset, place):
+def _variable(dataset, where):
     value = dataset[()]
     value = value.decode() if isinstance(value, bytes) else value
-    kept = dataset.attrs
-    names = [name for name in kept if name != "DIMENSION_LIST"]
-    if any(kept.get_id(name).shape for name in names):
-        raise FileError(f"{place}: an attribute is no number or text")
+    attributes = dataset.attrs
+    names = [name for name in attributes if name != "DIMENSION_LIST"]
+    if any(attributes.get_id(name).shape for name in names):
+        raise FileError(f"{where}: an attribute is no number or text")
     dims = tuple(dim[0].name.removeprefix("/") for dim in dataset.dims) if dataset.ndim else ()
     if not all(DIMENSION.fullmatch(dim) for dim in dims):
-        raise FileError(f"{place}: {dims} are not the dimensions of a point")
-    return Variable(dims, value, {name: kept[name] for name in names})
+        raise FileError(f"{where}: {dims} are not the dimensions of a point")
+    return Variable(dims, value, {name: attributes[name] for name in names})

@@ -4,19 +4,19 @@ Source  docs/campaigns.md
 """
 
 from testbench.campaign import collect, verify
-from testbench.campaign.store import declared
+from testbench.campaign.store import declared_hashes
 from testbench.errors import FileError
 
 
-def status_of(store):
+def store_status(store):
     """(plans, damaged, lines): a dictionary for each plan that can be read, one line of text for each plan or point
     that is damaged, and one for each line of a journal that cannot be read."""
     lines, last = [], {}
-    written = declared(_noted(store.lines(lines), last))
+    written = declared_hashes(_track_events(store.lines(lines), last))
     plans, damaged, faults = [], [], {}
     for name in collect.plan_names(store):
         try:
-            addresses = set(collect.stored_points(store, name).addresses)
+            addresses = set(collect.read_stored_plan(store, name).addresses)
         except FileError as problem:
             damaged.append(str(problem))
             continue
@@ -27,7 +27,7 @@ def status_of(store):
     return plans, damaged + [faults[address] for address in sorted(faults)], lines
 
 
-def _noted(events, last):
+def _track_events(events, last):
     """The same events; `last` gets {address: (time, error or nothing)} of the last one of each point."""
     for event in events:
         if event.point not in last or event.t >= last[event.point][0]:

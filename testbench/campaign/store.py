@@ -34,7 +34,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from fpga_model import shared_files
 from testbench.errors import FileError
 from testbench.storage import inputs
-from testbench.storage.files import alone, explain, refuse_foreign_links, write_bytes
+from testbench.storage.files import explain, hold_lock, refuse_foreign_links, write_bytes
 
 SCHEMA = "gyrostore/1"
 FOLDERS = ("points", "states", "plans", "results", "journal", "claims")
@@ -71,7 +71,7 @@ class Store:
         self.path, self.name = Path(path), name
 
     @classmethod
-    def at(cls, path, create=False):
+    def open_folder(cls, path, create=False):
         """The store in a folder; an empty or missing folder becomes one with `create`."""
         path = Path(path).resolve()
         head = path / "store.json"
@@ -79,7 +79,7 @@ class Store:
             refuse_foreign_links(path / folder)
         try:
             if not head.exists():
-                cls._begin(path, head, create)
+                cls._create(path, head, create)
             if create:
                 for folder in FOLDERS:
                     (path / folder).mkdir(exist_ok=True)
@@ -88,10 +88,10 @@ class Store:
         data = inputs.read_json(head)
         if data.get("schema") != SCHEMA:
             raise FileError(f"{head}: schema {str(data.get('schema'))[:40]!r}; this version reads {SCHEMA}")
-        return cls(path, inputs.checked(data, Head, head).name)
+        return cls(path, inputs.validate_data(data, Head, head).name)
 
     @staticmethod
-    def _begin(path, head, create):
+    def _create(path, head, create):
         """Make store.json; of two that do so at once the first one counts."""
         strange = path.is_dir() and any(not p.name.startswith(head.name) for p in path.iterdir())
         if head.exists():
@@ -112,13 +112,13 @@ class Store:
 
     # ---- points ------------------------------------------------------------------------------------------------------
 
-    def point(self, address):
+    def point_path(self, address):
         """Path of a point."""
         return self.path / "points" / address[:2] / f"{address[2:]}.h5"
 
     def has(self, address):
         """True if the point is finished."""
-        return self.point(address).exists()
+        return self.point_path(address).exists()
 
     def addresses(self):
         """Addresses of all finished points, sorted."""
@@ -127,7 +127,7 @@ class Store:
     def publish(self, address, data):
         """Declare a point in the journal, and write it whole or not at all."""
         self.journal("write", point=address, sha256=hashlib.sha256(data).hexdigest())
-        write_bytes(self.point(address), data)
+        write_bytes(self.point_path(address), data)
 
     @contextlib.contextmanager
     def claim(self, address):
@@ -147,13 +147,13 @@ class Store:
     def reject(self, address):
         """Move what stands in the place of a point to rejected/, whatever it is; returns where it is now."""
         folder = self.path / "rejected"
-        aside = folder / f"{address}.{uuid.uuid4().hex[:8]}"
+        rejected_path = folder / f"{address}.{uuid.uuid4().hex[:8]}"
         try:
             folder.mkdir(exist_ok=True)
-            os.rename(self.point(address), aside)
+            os.rename(self.point_path(address), rejected_path)
         except OSError as problem:
-            raise explain(self.point(address), problem) from None
-        return aside
+            raise explain(self.point_path(address), problem) from None
+        return rejected_path
 
     # ---- journal -----------------------------------------------------------------------------------------------------
 
@@ -172,7 +172,7 @@ class Store:
         """`Event`s of all journals, in no order; `faults` takes one line of text for each that cannot be read."""
         for path in sorted((self.path / "journal").glob("*.jsonl")):
             try:
-                with inputs.opened(path, inputs.most_bytes()) as file:
+                with inputs.open_input(path, inputs.most_bytes()) as file:
                     for number, line in enumerate(iter(lambda f=file: f.readline(MOST_LINE_BYTES), b""), 1):
                         try:
                             event = _event(line, f"{path}:{number}")
@@ -189,14 +189,14 @@ class Store:
 
     def written(self):
         """{address: {SHA-256 of a file that was written as this point}} of all journals."""
-        return declared(self.lines([]))
+        return declared_hashes(self.lines([]))
 
     # ---- one campaign at a time --------------------------------------------------------------------------------------
 
     @contextlib.contextmanager
-    def locked(self):
+    def hold_lock(self):
         """Be the one campaign at work here, or FileError that says who is."""
-        with alone(self.path / "lock", f"{self.path}: another campaign is at work here"):
+        with hold_lock(self.path / "lock", f"{self.path}: another campaign is at work here"):
             yield
 
     def owner(self):
@@ -208,7 +208,7 @@ class Store:
         return shared_files.is_locked(self.path / "lock")
 
 
-def declared(events):
+def declared_hashes(events):
     """{address: {SHA-256 of a file that was written as this point}} of events."""
     out = {}
     for event in events:
@@ -217,9 +217,9 @@ def declared(events):
     return out
 
 
-def _event(line, place):
+def _event(line, where):
     """`Event` of a line of a journal; FileError if its checksum, its form or its end is not as it was written."""
     text, _, crc = line.partition(CRC.encode())
     if not line.endswith(b"\n") or (crc and crc != b'%08x"}\n' % zlib.crc32(text)):
-        raise FileError(f"{place}: is damaged: its checksum does not hold")
-    return inputs.parse_json(line, place, Event)
+        raise FileError(f"{where}: is damaged: its checksum does not hold")
+    return inputs.parse_json(line, where, Event)

@@ -12,7 +12,7 @@ Source  docs/campaigns.md
 import hashlib
 
 from testbench.campaign import shard
-from testbench.campaign.plan.points import address_of
+from testbench.campaign.plan.points import point_address
 from testbench.errors import FileError
 from testbench.storage import inputs
 
@@ -24,15 +24,15 @@ def read_point(store, address, written=None):
 
     written  `Store.written`; None: the journal is not asked
     """
-    path = store.point(address)
-    data, _ = _file(path, (written or {}).get(address))
+    path = store.point_path(address)
+    data, _ = _read_file(path, (written or {}).get(address))
     identity, variables = shard.decode(data, path)
-    if address_of(identity) != address:
-        raise FileError(f"{path}: holds another point: {address_of(identity)[:12]}")
+    if point_address(identity) != address:
+        raise FileError(f"{path}: holds another point: {point_address(identity)[:12]}")
     return identity, variables
 
 
-def _file(path, declared):
+def _read_file(path, declared):
     """(bytes, True if the journal declares them)."""
     data = inputs.read_bytes(path, MOST_BYTES)
     if declared and hashlib.sha256(data).hexdigest() not in declared:
@@ -47,7 +47,7 @@ def faults(store, addresses, written):
         if not store.has(address):
             continue
         try:
-            _, declared = _file(store.point(address), written.get(address))
+            _, declared = _read_file(store.point_path(address), written.get(address))
             if not declared:
                 read_point(store, address)
         except FileError as problem:
@@ -60,8 +60,8 @@ def reject(store, addresses, written):
     out = {}
     for address in faults(store, addresses, written):
         with store.claim(address):  # a worker of a campaign that was killed may be at it
-            found = faults(store, [address], written)
-            if found:
+            point_faults = faults(store, [address], written)
+            if point_faults:
                 store.reject(address)
-                out |= found
+                out |= point_faults
     return out

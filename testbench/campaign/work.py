@@ -16,13 +16,13 @@ from typing import NamedTuple
 from testbench.campaign import shard
 from testbench.campaign.plan import engines
 from testbench.campaign.plan.measure import Keeper
-from testbench.campaign.plan.points import address_of, task_of
+from testbench.campaign.plan.points import point_address, read_task
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 from testbench.version import VERSION
 
 # mpmath has one precision for a whole process: threads of a Dask worker take turns
-ALONE = threading.Lock()
+ENGINE_LOCK = threading.Lock()
 DONE, FOUND, FAILED, STOP = "done", "found", "failed", "stop"
 
 
@@ -35,9 +35,9 @@ class Batch(NamedTuple):
     @property
     def addresses(self):
         """Their addresses."""
-        return [address_of(identity) for identity in self.identities]
+        return [point_address(identity) for identity in self.identities]
 
-    def alone(self):
+    def split(self):
         """One batch for each of them."""
         return [Batch(self.engine, [identity]) for identity in self.identities]
 
@@ -70,40 +70,40 @@ def _prepared(name, store_path):
 
 def compute(identity, states, engine):
     """(bytes of the point's file, numbers) of one point by an `Engine`, alone; the identity's code is not compared."""
-    task = task_of(identity, states)
+    task = read_task(identity, states)
     keeper = Keeper(task.keep, task.config.design_record())
-    (numbers,) = engine.play([task.config], [keeper])
+    (numbers,) = engine.run_points([task.config], [keeper])
     if isinstance(numbers, BaseException):
         raise numbers
     return _encoded(identity, task, keeper, numbers), numbers
 
 
 def _encoded(identity, task, keeper, numbers):
-    return shard.encode(identity, shard.variables_of(numbers) | keeper.variables(), task.keep.tau_s)
+    return shard.encode(identity, shard.number_variables(numbers) | keeper.variables(), task.keep.tau_s)
 
 
 def _reason(problem):
     return " ".join(f"{type(problem).__name__}: {problem}".split())
 
 
-def _play(engine, tasks):
+def _run_tasks(engine, tasks):
     """[(keeper, numbers or exception), ...]; if a call of several fails as a whole, each is played alone."""
     keepers = [Keeper(task.keep, task.config.design_record()) for task in tasks]
     try:
-        return list(zip(keepers, engine.play([task.config for task in tasks], keepers)))
+        return list(zip(keepers, engine.run_points([task.config for task in tasks], keepers)))
     except Exception as problem:
         if len(tasks) == 1:
             return [(keepers[0], problem)]
-        return [_play(engine, [task])[0] for task in tasks]
+        return [_run_tasks(engine, [task])[0] for task in tasks]
 
 
 def run_batch(store_path, store_name, batch):
     """[Outcome, ...] of a `Batch`."""
     try:
-        store = Store.at(store_path)
+        store = Store.open_folder(store_path)
         if store.name != store_name:
             raise FileError(f"{store_path}: is another store here than where the campaign runs")
-        with ALONE:
+        with ENGINE_LOCK:
             return _run(store, batch)
     except (FileError, ConfigError) as problem:
         where = f"worker on {socket.gethostname()}: " if store_name else ""
@@ -120,20 +120,20 @@ def _run(store, batch):
             if store.has(address):
                 out.append(Outcome(address, FOUND))
             else:
-                ahead.append((identity, address, task_of(identity, store.path / "states")))
+                ahead.append((identity, address, read_task(identity, store.path / "states")))
         if not ahead:
             return out
         tasks = [task for _, _, task in ahead]
         engine = _prepared(batch.engine, str(store.path))
         for task in tasks:
-            if task.code != engines.code_of(engine):
+            if task.code != engines.source_hash(engine):
                 raise FileError(
-                    f"worker: its sources ({engines.code_of(engine)[:12]}) are not the campaign's {task.code[:12]}"
+                    f"worker: its sources ({engines.source_hash(engine)[:12]}) are not the campaign's {task.code[:12]}"
                 )
         for _, address, _ in ahead:
             store.journal("start", point=address)
         began = time.perf_counter()
-        for (identity, address, task), (keeper, numbers) in zip(ahead, _play(engine, tasks)):
+        for (identity, address, task), (keeper, numbers) in zip(ahead, _run_tasks(engine, tasks)):
             wall_s = (time.perf_counter() - began) / len(ahead)
             try:
                 if isinstance(numbers, Exception):
@@ -144,7 +144,7 @@ def _run(store, batch):
                 out.append(Outcome(address, FAILED, _reason(problem)))
                 continue
             store.publish(address, data)
-            made_by = {"version": VERSION, "python": platform.python_version()}
-            store.journal("finish", point=address, wall_s=round(wall_s, 6), **made_by)
+            versions = {"version": VERSION, "python": platform.python_version()}
+            store.journal("finish", point=address, wall_s=round(wall_s, 6), **versions)
             out.append(Outcome(address, DONE, "", numbers, wall_s, task.config.scenario.seconds))
     return out

@@ -55,8 +55,8 @@ app.command()(exports.fmu)
 app.command()(exports.host)
 
 
-def _version(wanted: bool):
-    if wanted:
+def _version(value: bool):
+    if value:
         print(f"gyro {VERSION}")
         raise typer.Exit
 
@@ -119,7 +119,7 @@ def run(o):
         partial = unfinished(o.resume_run)
         _run(load(partial.config, overrides(None, _plant(o), *_across(o))), partial, True, o.as_json)
         return
-    given = overrides(
+    option_overrides = overrides(
         o.sets,
         ("scenario.seconds", o.seconds, "--seconds"),
         ("scenario.rate_dps", o.rate_dps, "--rate-dps"),
@@ -131,14 +131,14 @@ def run(o):
         ("noise.seed", o.seed, "--seed"),
         ("output.directory", o.out, "--out"),
         *_across(o),
-        *_window(o.vcd),
+        *_window_overrides(o.vcd),
         *(_silence() if o.no_noise else ()),
     )
-    checked = load(o.config, given)
+    checked = load(o.config, option_overrides)
     if o.gyrorec is not None:
         from testbench.measured.record import from_run
 
-        from_run.plan_of(checked)  # refused before anything runs
+        from_run.run_plan(checked)  # refused before anything runs
     from testbench.storage.checkpoint import Partial
 
     _run(checked, Partial(checked.output.directory), False, o.as_json, o.discard)
@@ -177,14 +177,14 @@ def _run(config, partial, resume, as_json, discard=False):
                 from testbench.run.budget import budgets
 
                 result = simulate.run(config, progress=progress, directory=partial, resume=resume)
-                shown = [tables.phases(result.summary), tables.numbers(result.summary)]
-                report = shown + tables.budget_tables(*budgets(config))
+                result_tables = [tables.phases(result.summary), tables.numbers(result.summary)]
+                report = result_tables + tables.budget_tables(*budgets(config))
                 paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]
         except BaseException as problem:
             if not partial.resumable():
                 partial.clear()
             elif isinstance(problem, KeyboardInterrupt):
-                _say(f"to continue: gyro run --resume-run {directory}")
+                _print_message(f"to continue: gyro run --resume-run {directory}")
             elif isinstance(problem, MemoryError):
                 raise FileError(f"{_lack(problem)}; to continue: gyro run --resume-run {directory}") from None
             raise
@@ -192,7 +192,7 @@ def _run(config, partial, resume, as_json, discard=False):
     if as_json:
         print_json({**result.summary, "files": paths})
         return
-    print_tables(shown)
+    print_tables(result_tables)
     print_list("", result.notes)
     print_list("Written:", paths)
 
@@ -205,16 +205,16 @@ def budget(config: ConfigFile = None, sets: Sets = None, temperature_degc: Tempe
     # only a ring that saturates needs a kernel; to load the compiler takes longer than the rest
     text = config.read_text(errors="replace") if config and config.is_file() else ""
     fpga_model.COMPILED = re.search(r"ring_saturation_on\s*=\s*1", f"{text} {sets}") is not None
-    given = overrides(sets, ("scenario.temperature_degc", temperature_degc, "--temperature-degc"))
-    checked = load(config, given)
+    option_overrides = overrides(sets, ("scenario.temperature_degc", temperature_degc, "--temperature-degc"))
+    checked = load(config, option_overrides)
     from testbench.run import tables
     from testbench.run.budget import budgets
 
-    found = budgets(checked)
+    phase_budgets = budgets(checked)
     if as_json:
-        print_json(tables.budget_json(*found))
+        print_json(tables.budget_json(*phase_budgets))
     else:
-        print_tables(tables.budget_tables(*found))
+        print_tables(tables.budget_tables(*phase_budgets))
 
 
 def _silence():
@@ -224,7 +224,7 @@ def _silence():
     return [(f"noise.{key}", False, "--no-noise") for key in Noise.model_fields if key != "seed"]
 
 
-def _window(text):
+def _window_overrides(text):
     """Overrides of `--vcd START_US:LENGTH_US`."""
     if text is None:
         return []
@@ -235,7 +235,7 @@ def _window(text):
     return [("output.vcd_start_us", start_us, "--vcd"), ("output.vcd_length_us", length_us, "--vcd")]
 
 
-def _say(text):
+def _print_message(text):
     print(f"gyro: {' '.join(str(text).split())}", file=sys.stderr)
 
 
@@ -244,12 +244,12 @@ def _lack(problem):
     return f"out of memory: {problem}" if str(problem) else "out of memory"
 
 
-def _file_of(problem):
+def _problem_path(problem):
     """File that a system's error is about; of a failed write only the frames of pathlib know it."""
     name, trace = problem.filename, problem.__traceback__
     while trace and not problem.filename:
-        own = trace.tb_frame.f_locals.get("self")
-        name, trace = own if isinstance(own, Path) else name, trace.tb_next
+        frame_self = trace.tb_frame.f_locals.get("self")
+        name, trace = frame_self if isinstance(frame_self, Path) else name, trace.tb_next
     return name or "gyro"
 
 
@@ -259,11 +259,11 @@ def _check_process(argv):
         name, equals, value = text.partition("=")
         if name.startswith("--") and equals:
             before, text = name, value
-        place = before if before.startswith("-") else f"argument {number}"
+        option = before if before.startswith("-") else f"argument {number}"
         if not text:
-            raise ConfigError(f"{place}: is empty")
+            raise ConfigError(f"{option}: is empty")
         if "\0" in text:
-            raise ConfigError(f"{place}: {text!r} has a NUL")
+            raise ConfigError(f"{option}: {text!r} has a NUL")
     threads = os.environ.get("NUMBA_NUM_THREADS", "").strip()
     if re.fullmatch(r"-\d+|0+", threads):
         raise ConfigError(f"NUMBA_NUM_THREADS = {threads} is below the limit 1 thread")
@@ -279,20 +279,20 @@ def _ended(argv):
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except (ConfigError, FileError) as problem:
-        _say(problem)
+        _print_message(problem)
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except OSError as problem:  # a name that is too long, a disk that is full: the system's word on a file
-        _say(f"{_file_of(problem)}: {problem.strerror or problem}")
+        _print_message(f"{_problem_path(problem)}: {problem.strerror or problem}")
     except MemoryError as problem:
-        _say(f"{_lack(problem)}; end other programs, or raise the limit (ulimit -v)")
+        _print_message(f"{_lack(problem)}; end other programs, or raise the limit (ulimit -v)")
     except Exception as problem:
         # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
         if type(problem).__name__ == "Abort":
             return EXIT_INTERRUPTED
         if not hasattr(problem, "format_message"):
             raise
-        _say(problem.format_message() or "no command; try gyro --help")
+        _print_message(problem.format_message() or "no command; try gyro --help")
     return EXIT_MENDABLE
 
 
@@ -303,7 +303,7 @@ def main(argv=None):
     """
     code = _ended(argv)
     if code == EXIT_INTERRUPTED:
-        _say("interrupted")
+        _print_message("interrupted")
     sys.exit(code)
 
 

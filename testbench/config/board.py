@@ -18,7 +18,7 @@ class _Board(Section):
     """A gyroscope with its analog board."""
 
     @model_validator(mode="after")
-    def _consistent(self):
+    def _check_device(self):
         try:
             device.validate(self.device())
         except ValueError as problem:
@@ -75,21 +75,21 @@ FOLLOWS = {("plant", name): name for name in _KEYS} | {
 }
 
 
-def followed(tree):
+def inherit_nominal(tree):
     """(tree, keys): nested dicts with every key that follows [nominal] filled in, and the (section, key) filled."""
     nominal = tree.get("nominal")
     if not isinstance(nominal, dict):
         return tree, ()
     tree, filled = dict(tree), []
     for (section, key), source in FOLLOWS.items():
-        given = tree.get(section, {})
-        if source in nominal and isinstance(given, dict) and key not in given:
-            tree[section] = given | {key: nominal[source]}
+        section_values = tree.get(section, {})
+        if source in nominal and isinstance(section_values, dict) and key not in section_values:
+            tree[section] = section_values | {key: nominal[source]}
             filled.append((section, key))
     return tree, filled
 
 
-def released(tree, paths):
+def drop_inherited(tree, paths):
     """The tree without the values that equal a key of [nominal] among the dotted `paths`: they follow its new value."""
     tree = {name: dict(section) for name, section in tree.items()}
     for (section, key), source in FOLLOWS.items():

@@ -9,7 +9,7 @@ import math
 import re
 from typing import Literal, get_args, get_origin
 
-from testbench.config.toml_text import toml_of, toml_value
+from testbench.config.toml_text import short_toml, toml_value
 
 # Unit suffix of a key -> quantity and factor to its SI unit; what a mistaken unit can be converted with.
 SUFFIXES = {
@@ -47,41 +47,43 @@ def convert(value, have, want):
     return float(f"{value * SUFFIXES[have][1] / SUFFIXES[want][1]:.12g}")
 
 
-def unit_of(info):
+def unit_suffix(info):
     unit = (info.json_schema_extra or {}).get("unit", "") if info else ""
     return f" {unit}" if unit else ""
 
 
-def limits_of(info):
+def number_limits(info):
     """(lo, hi) of a number's field; None where there is none."""
     lo = next((m.ge for m in info.metadata if hasattr(m, "ge")), None)
     hi = next((m.le for m in info.metadata if hasattr(m, "le")), None)
     return lo, hi
 
 
-def choices_of(info):
+def field_choices(info):
     return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
 
 
-def plain(value):
+def limit_text(value):
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _unknown(sections, section, key, value, path):
+def _invalid_key_line(sections, section, key, value, path):
     """Line for a key that does not exist: same quantity in another unit, nearest name, or another section's key."""
     fields = sections[section].model_fields
     stem, suffix = _suffix(key)
-    for known in fields:
-        known_stem, known_suffix = _suffix(known)
-        if known_suffix and known_stem == stem:
-            line = f"{path} is not a known key; this quantity is in{unit_of(fields[known])}: {section}.{known}"
+    for candidate in fields:
+        candidate_stem, candidate_suffix = _suffix(candidate)
+        if candidate_suffix and candidate_stem == stem:
+            line = (
+                f"{path} is not a known key; this quantity is in{unit_suffix(fields[candidate])}: {section}.{candidate}"
+            )
             fits = suffix and isinstance(value, (int, float)) and not isinstance(value, bool)
-            converted = convert(value, suffix, known_suffix) if fits else None
-            return line if converted is None else f"{line} = {plain(converted)}"
+            converted = convert(value, suffix, candidate_suffix) if fits else None
+            return line if converted is None else f"{line} = {limit_text(converted)}"
     if homes := _homes(sections, key):
         return f"{path} is not a known key; {key} belongs in {homes}"
-    near = difflib.get_close_matches(key, fields, n=1, cutoff=0.5)
-    hint = f"; did you mean {section}.{near[0]}?" if near else f"; [{section}] knows {_some(fields)}"
+    close_matches = difflib.get_close_matches(key, fields, n=1, cutoff=0.5)
+    hint = f"; did you mean {section}.{close_matches[0]}?" if close_matches else f"; [{section}] knows {_some(fields)}"
     return f"{path} is not a known key{hint}"
 
 
@@ -98,19 +100,19 @@ def _some(names):
 def _not_a_number(path, value, info, key):
     """Line for a value that is no number: a text with a unit gets the number to write."""
     integer = info.annotation is int
-    found = WRITTEN.fullmatch(value) if isinstance(value, str) else None
-    if not found or math.isinf(float(found[1])):
-        return f"{path} = {toml_of(value)} is not {'an integer' if integer else 'a number'}{_span(info)}"
-    magnitude, unit = float(found[1]), found[2] or ""
+    match = WRITTEN.fullmatch(value) if isinstance(value, str) else None
+    if not match or math.isinf(float(match[1])):
+        return f"{path} = {short_toml(value)} is not {'an integer' if integer else 'a number'}{_span(info)}"
+    magnitude, unit = float(match[1]), match[2] or ""
     have = unit.lower().replace("/", "_per_").replace("^", "").replace("°", "deg").replace("µ", "u")
-    same = not unit or unit == unit_of(info).strip()
-    converted = magnitude if same else convert(magnitude, have, _suffix(key)[1])
+    unit_matches = not unit or unit == unit_suffix(info).strip()
+    converted = magnitude if unit_matches else convert(magnitude, have, _suffix(key)[1])
     if converted is None:
         write = f"{unit} cannot be converted to that"
     else:
-        write = f"write {key} = {plain(int(converted) if integer else converted)}"
-    in_unit = unit_of(info) and f" in{unit_of(info)}"
-    return f"{path} = {toml_of(value)} is text; the key wants the bare number{in_unit}: {write}"
+        write = f"write {key} = {limit_text(int(converted) if integer else converted)}"
+    in_unit = unit_suffix(info) and f" in{unit_suffix(info)}"
+    return f"{path} = {short_toml(value)} is text; the key wants the bare number{in_unit}: {write}"
 
 
 def explain(error, sections, source, origin):
@@ -126,37 +128,43 @@ def explain(error, sections, source, origin):
         path += problem.where
         return f"{origin.get(path.split('[')[0], label)}: {path} {problem.text}"
     if kind == "extra_forbidden" and len(loc) == 1:
-        near = difflib.get_close_matches(section, sections, n=1, cutoff=0.5)
+        close_matches = difflib.get_close_matches(section, sections, n=1, cutoff=0.5)
         homes = _homes(sections, section)
         if homes:
             hint = f"{section} belongs in {homes}"
         else:
-            hint = f"did you mean [{near[0]}]?" if near else f"known: {', '.join(sections)}"
+            hint = f"did you mean [{close_matches[0]}]?" if close_matches else f"known: {', '.join(sections)}"
         what = f"[{section}] is not a known section" if isinstance(value, dict) else f"{section} is not in a section"
         return f"{label}: {what}; {hint}"
     if kind == "extra_forbidden":
-        return f"{label}: {_unknown(sections, section, loc[1], value, path)}"
+        return f"{label}: {_invalid_key_line(sections, section, loc[1], value, path)}"
     if kind in ("model_type", "model_attributes_type") or info is None:
-        return f"{label}: {path} = {toml_of(value)} is not a section; write [{path}] and its keys below"
+        return f"{label}: {path} = {short_toml(value)} is not a section; write [{path}] and its keys below"
     if kind == "greater_than_equal":
-        return f"{label}: {path} = {toml_of(value)} is below the limit {plain(error['ctx']['ge'])}{unit_of(info)}"
+        return (
+            f"{label}: {path} = {short_toml(value)} is below the limit "
+            f"{limit_text(error['ctx']['ge'])}{unit_suffix(info)}"
+        )
     if kind == "less_than_equal":
-        return f"{label}: {path} = {toml_of(value)} is above the limit {plain(error['ctx']['le'])}{unit_of(info)}"
+        return (
+            f"{label}: {path} = {short_toml(value)} is above the limit "
+            f"{limit_text(error['ctx']['le'])}{unit_suffix(info)}"
+        )
     if kind == "finite_number":
-        return f"{label}: {path} = {toml_of(value)} is not finite{_span(info)}"
+        return f"{label}: {path} = {short_toml(value)} is not finite{_span(info)}"
     if kind == "literal_error":
-        choices = choices_of(info)
-        near = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.5)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        known = " | ".join(map(toml_value, choices))
-        return f"{label}: {path} = {toml_of(value)} is none of {known}{unit_of(info)}{hint}"
+        choices = field_choices(info)
+        close_matches = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.5)
+        hint = f"; did you mean {close_matches[0]}?" if close_matches else ""
+        choice_texts = " | ".join(map(toml_value, choices))
+        return f"{label}: {path} = {short_toml(value)} is none of {choice_texts}{unit_suffix(info)}{hint}"
     if kind == "bool_type":
-        return f"{label}: {path} = {toml_of(value)} is not true or false"
+        return f"{label}: {path} = {short_toml(value)} is not true or false"
     if kind == "string_type":
-        return f"{label}: {path} = {toml_of(value)} is not a text in quotes"
+        return f"{label}: {path} = {short_toml(value)} is not a text in quotes"
     return f"{label}: {_not_a_number(path, value, info, loc[1])}"
 
 
 def _span(info):
-    lo, hi = limits_of(info)
-    return f" ({plain(lo)} to {plain(hi)}{unit_of(info)})" if hi is not None else ""
+    lo, hi = number_limits(info)
+    return f" ({limit_text(lo)} to {limit_text(hi)}{unit_suffix(info)})" if hi is not None else ""

@@ -39,7 +39,7 @@ def _crc(word, bits, crc):
 
 
 @kernel
-def _played(p, s, b, pins):
+def _port_write(p, s, b, pins):
     """(clock, address, data) of the write that a port makes of its pins; clock -1: of none."""
     for n in range(len(pins)):
         if b.bank_write == 1:
@@ -50,7 +50,7 @@ def _played(p, s, b, pins):
     return -1, 0, 0
 
 
-def bits_of(register, raw):
+def write_bits(register, raw):
     """Bits of SDI of the frame that writes a value: command, words with the low one first, CRC."""
     word = registers.to_bus(int(raw), register.fmt)
     count = 2 if register.fmt.width > host_bus.WORD_BITS else 1
@@ -63,7 +63,7 @@ def bits_of(register, raw):
     return [part >> (size - 1 - k) & 1 for part, size in parts for k in range(size)]
 
 
-def _pins(bits, begin):
+def _frame_pins(bits, begin):
     """Pins of a frame whose CS_N falls at clock `begin`."""
     rows = [(1, 0, 0)] * begin + [(0, 0, bits[0])] * LEAD_CLOCKS
     for bit in bits:
@@ -73,11 +73,11 @@ def _pins(bits, begin):
 
 def written(design, register, raw):
     """`Frame` of the write of a value to a register of the map."""
-    bits, clocks = bits_of(register, raw), design.tick_clocks
+    bits, clocks = write_bits(register, raw), design.tick_clocks
     port = host_bus.design(design), spi_slave.State(), host_bus.State()
-    late, _, _ = _played(*port, _pins(bits, 0))
-    pins = _pins(bits, -late % clocks)
-    clock, address, data = _played(*port, pins)
+    latency, _, _ = _port_write(*port, _frame_pins(bits, 0))
+    pins = _frame_pins(bits, -latency % clocks)
+    clock, address, data = _port_write(*port, pins)
     if clock < 0 or clock % clocks:
         raise RuntimeError(f"host port: the write of {register.name} comes at clock {clock} of its frame")
     return Frame(pins, clock // clocks, int(address), int(data))

@@ -15,7 +15,7 @@ Source    docs/parts/ports.md
 import re
 from typing import NamedTuple
 
-from testbench.config.toml_text import toml_key, toml_of, toml_value
+from testbench.config.toml_text import short_toml, toml_key, toml_value
 from testbench.errors import ConfigError
 from testbench.storage.files import write_text
 from testbench.storage.inputs import read_toml
@@ -33,26 +33,26 @@ class LawFile(NamedTuple):
     provenance: tuple = ()  # ((name, text), ...)
 
 
-def checked(tree, where):
+def parse_law_file(tree, where):
     """`LawFile` of a dict; ConfigError with one line."""
     from analog_frontend.effects import law
 
-    unknown = set(tree) - set(KEYS)
-    if unknown or tree.get("schema") != SCHEMA:
-        what = f"{min(unknown)} is not a key here" if unknown else f"schema = {toml_of(tree.get('schema'))}"
+    extra_keys = set(tree) - set(KEYS)
+    if extra_keys or tree.get("schema") != SCHEMA:
+        what = f"{min(extra_keys)} is not a key here" if extra_keys else f"schema = {short_toml(tree.get('schema'))}"
         raise ConfigError(f'{where}: {what}; a law file has schema = "{SCHEMA}" and {", ".join(KEYS[1:])}')
     name, laws = tree.get("name"), tree.get("laws")
     if not isinstance(name, str) or not re.fullmatch(r"\w{1,64}", name):
-        raise ConfigError(f"{where}: name = {toml_of(name)} is not 1 to 64 letters, digits or _")
+        raise ConfigError(f"{where}: name = {short_toml(name)} is not 1 to 64 letters, digits or _")
     if not isinstance(laws, list) or not laws or not all(isinstance(text, str) for text in laws):
-        raise ConfigError(f"{where}: laws = {toml_of(laws)} is not a list of texts")
+        raise ConfigError(f"{where}: laws = {short_toml(laws)} is not a list of texts")
     sd = tree.get("sd", [])
     numbers = isinstance(sd, list) and all(isinstance(v, (int, float)) and v > 0 for v in sd)
     if not numbers or (sd and len(sd) != len(laws)):
-        raise ConfigError(f"{where}: sd = {toml_of(sd)} is not a positive number for each law")
+        raise ConfigError(f"{where}: sd = {short_toml(sd)} is not a positive number for each law")
     about = tree.get("provenance", {})
     if not isinstance(about, dict) or not all(isinstance(v, str) for v in about.values()):
-        raise ConfigError(f"{where}: provenance = {toml_of(about)} is not a table of texts")
+        raise ConfigError(f"{where}: provenance = {short_toml(about)} is not a table of texts")
     try:
         laws = tuple(str(law.parse(text)) for text in laws)
     except ValueError as problem:
@@ -62,7 +62,7 @@ def checked(tree, where):
 
 def read(path):
     """`LawFile` of a TOML file."""
-    return checked(read_toml(path), str(path))
+    return parse_law_file(read_toml(path), str(path))
 
 
 def text(item):

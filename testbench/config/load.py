@@ -25,12 +25,12 @@ from analog_frontend.effects import catalogue
 from analog_frontend.parts import adc
 from fpga_model import design_record, spi_adc
 from fpga_model.design_record import DEFAULT
-from testbench.arguments import name_of_file, plain
+from testbench.arguments import name_of_file, to_python
 from testbench.config import law_file, scenario
-from testbench.config.board import Nominal, Plant, followed, released
+from testbench.config.board import Nominal, Plant, drop_inherited, inherit_nominal
 from testbench.config.config_errors import explain
-from testbench.config.section import Section, checked, number, other
-from testbench.config.toml_text import toml_of, toml_value
+from testbench.config.section import Section, as_validator, number, other
+from testbench.config.toml_text import short_toml, toml_value
 from testbench.errors import ConfigError
 from testbench.storage.inputs import read_toml
 
@@ -40,7 +40,7 @@ PERMITTED = ("--plant", "caller", "compared only")  # the option; code that perm
 
 
 def _profile(lo, hi, unit):
-    return checked(lambda value: scenario.profile_points(value, lo, hi, unit))
+    return as_validator(lambda value: scenario.profile_points(value, lo, hi, unit))
 
 
 class _DesignBase(Section):
@@ -179,31 +179,31 @@ class Firmware(Section):
         return tuple(phase_word(angle_deg, bits) for angle_deg in degrees)
 
 
-def _levels(bits):
+def _dac_levels_validator(bits):
     def check(value):
         if not isinstance(value, (list, tuple)):
-            raise scenario.Problem("", f"= {toml_of(value)} is not a list of texts")
+            raise scenario.Problem("", f"= {short_toml(value)} is not a list of texts")
         for k, text in enumerate(value):
             if not isinstance(text, str):
-                raise scenario.Problem(f"[{k}]", f"= {toml_of(text)} is not a text")
+                raise scenario.Problem(f"[{k}]", f"= {short_toml(text)} is not a text")
             try:
                 dac_levels.table([text[:80]], bits)
             except ValueError as problem:
                 raise scenario.Problem(f"[{k}]", f"= {problem}") from None
 
-    return checked(check)
+    return as_validator(check)
 
 
 def _folder(value):
     if not value or "\0" in value:
-        raise scenario.Problem("", f"= {toml_of(value)} is not the name of a folder; . is the present one")
+        raise scenario.Problem("", f"= {short_toml(value)} is not the name of a folder; . is the present one")
 
 
 def _curve(value):
     numbers = isinstance(value, (list, tuple)) and all(isinstance(v, float) for v in value)
     if not numbers or len(value) > adc.CURVE or not all(abs(v) <= 1e-2 for v in value):
         limits = f"a list of up to {adc.CURVE} numbers within -0.01 .. 0.01"
-        raise scenario.Problem("", f"= {toml_of(value)} is not {limits}")
+        raise scenario.Problem("", f"= {short_toml(value)} is not {limits}")
 
 
 class _EffectsBase(Section):
@@ -212,11 +212,11 @@ class _EffectsBase(Section):
     duffing_k3_per_um2: float = number(0.0, "1/um^2", -1e-2, 1e-2, "cubic stiffness of the drive mode, k3/k")
     drive_cubic_per_v2: float = number(0.0, "1/V^2", -1e-2, 1e-2, "drive force = k_vf v (1 + c v^2)")
     feedthrough_y: float = number(0.0, "V/V", -1e-2, 1e-2, "drive electrode voltage that reaches the sense C/V output")
-    drive_dac_levels: Annotated[Any, _levels(16)] = other(
+    drive_dac_levels: Annotated[Any, _dac_levels_validator(16)] = other(
         [], 'errors of its levels: texts such as "element 5/8 = -2.2", "step 2/8 = 0.2", "bit 11 = 0.09"', "LSB"
     )
-    sense_dac_levels: Annotated[Any, _levels(20)] = other([], "likewise of the sense DAC", "LSB")
-    adc_curve: Annotated[Any, checked(_curve)] = other(
+    sense_dac_levels: Annotated[Any, _dac_levels_validator(20)] = other([], "likewise of the sense DAC", "LSB")
+    adc_curve: Annotated[Any, as_validator(_curve)] = other(
         [], "its transfer's curve: up to 13 parts of full scale, by Chebyshev's T2, T3, .. T14", "1"
     )
     adc_turnover: float = number(0.0, "V/V", -1e-3, 1e-3, "of the four demodulator channels: v + c |v|")
@@ -224,7 +224,7 @@ class _EffectsBase(Section):
         0.0, "1/K", -1e-3, 1e-3, "gain of the four channels with the sensor's temperature"
     )
     adc_memory: float = number(0.0, "V/V", -1e-3, 1e-3, "part of the conversion before that is left in the next")
-    laws: Annotated[Any, checked(scenario.check_laws)] = other(
+    laws: Annotated[Any, as_validator(scenario.check_laws)] = other(
         [], 'laws of one\'s own, texts such as "force_x = -2.5e9 x^3"; docs/parts/ports.md'
     )
 
@@ -270,13 +270,13 @@ class Scenario(Section):
     rate_shape: Literal["linear", "steps"] = other(
         "linear", "points of rate_dps: joined by straight lines (equal times jump), or held until the next"
     )
-    register_writes: Annotated[Any, checked(scenario.check_register_writes)] = other(
+    register_writes: Annotated[Any, as_validator(scenario.check_register_writes)] = other(
         [], "[[t_s, register, raw value], ...]"
     )
     host: Literal["bus", "spi"] = other(
         "bus", "how registers are written: at once on the bank's bus, or by frames at the SPI pins of the host's port"
     )
-    faults: Annotated[Any, checked(scenario.check_faults)] = other(
+    faults: Annotated[Any, as_validator(scenario.check_faults)] = other(
         [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
     )
     diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
@@ -286,7 +286,7 @@ class Scenario(Section):
     across_versions: bool = other(False, "continue what another version of the code saved; a record of both says so")
 
     @model_validator(mode="after")
-    def _consistent(self):
+    def _check_schedule(self):
         scenario.check_times(self)
         return self
 
@@ -294,9 +294,9 @@ class Scenario(Section):
 class Output(Section):
     """What is written where."""
 
-    directory: Annotated[str, checked(_folder)] = other("out", "folder for all files of a run")
+    directory: Annotated[str, as_validator(_folder)] = other("out", "folder for all files of a run")
     record: bool = other(True, "HDF5 record, run.h5")
-    columns: Annotated[Any, checked(scenario.check_columns)] = other([], "columns of the record; none named: all")
+    columns: Annotated[Any, as_validator(scenario.check_columns)] = other([], "columns of the record; none named: all")
     decimate: int = number(1, "frames", 1, 8000, "frames to a row of the record; codes and words are then sums")
     checkpoint_s: float = number(60.0, "s", 0.0, 36000.0, "simulated time between checkpoints; 0 writes none")
     pictures: bool = other(True, "PNG pictures")
@@ -319,7 +319,7 @@ class Config(Section):
     output: Output = Output()
 
     @model_validator(mode="after")
-    def _consistent(self):
+    def _check_sections(self):
         if self.firmware.adc_clock == "synchronous" and self.plant.adc_clock_ppm:
             raise scenario.Problem(
                 "plant.adc_clock_ppm",
@@ -346,7 +346,7 @@ class Config(Section):
         return self.nominal.device()
 
     @property
-    def of_paper(self):
+    def is_paper_board(self):
         """True if the firmware is designed for the paper's board, the default one: only then do we compare with it."""
         return self.nominal_device() == Nominal().device() and self.design == Design()
 
@@ -390,7 +390,7 @@ def parse_set(text):
 
 def _names(value, path):
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise ConfigError(f"{path}: effects.files = {toml_of(value)} is not a list of names of law files")
+        raise ConfigError(f"{path}: effects.files = {short_toml(value)} is not a list of names of law files")
     return value
 
 
@@ -409,8 +409,8 @@ def load(path=None, overrides=()):
     section = tree.get("effects", {})
     if isinstance(section, dict) and "files" in section:
         folder = Path(path).parent
-        found = [text for name in _names(section.pop("files"), path) for text in law_file.read(folder / name).laws]
-        section["laws"] = [*section.get("laws", []), *found]
+        file_laws = [text for name in _names(section.pop("files"), path) for text in law_file.read(folder / name).laws]
+        section["laws"] = [*section.get("laws", []), *file_laws]
     for item in overrides:
         item = parse_set(item) if isinstance(item, str) else item
         if not isinstance(item, Override):
@@ -421,7 +421,7 @@ def load(path=None, overrides=()):
             node = node.setdefault(section, {})
             if not isinstance(node, dict):
                 raise ConfigError(f"{item.source}: {item.path}: {section} is a value, not a section")
-        node[key] = plain(item.value)
+        node[key] = to_python(item.value)
         origin[item.path] = item.source
     return from_dict(tree, str(path) if path is not None else "defaults", origin)
 
@@ -432,20 +432,20 @@ def from_dict(tree, source="config", origin=None):
     A library runs here, so neither a file nor --set can name one: `origin` of `scenario.plant` is one of `PERMITTED`.
     """
     scenario_section = tree.get("scenario")
-    given = (origin or {}).get(LIBRARY, source)
-    if given not in PERMITTED and isinstance(scenario_section, dict) and scenario_section.get("plant"):
-        raise ConfigError(f"{given}: {LIBRARY} names a library that would run here; only the option --plant can")
-    tree, filled = followed(tree)
+    plant_origin = (origin or {}).get(LIBRARY, source)
+    if plant_origin not in PERMITTED and isinstance(scenario_section, dict) and scenario_section.get("plant"):
+        raise ConfigError(f"{plant_origin}: {LIBRARY} names a library that would run here; only the option --plant can")
+    tree, filled = inherit_nominal(tree)
     try:
         return Config.model_validate(tree)
     except ValidationError as problem:
-        errors = [e for e in problem.errors(include_url=False) if _place(e) not in filled]
+        errors = [e for e in problem.errors(include_url=False) if _error_key(e) not in filled]
         lines = [explain(error, sections(), source, origin or {}) for error in errors]
         more = f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""
         raise ConfigError(lines[0] + more) from None
 
 
-def _place(error):
+def _error_key(error):
     """(section, key) that an error of pydantic is about."""
     section, *key = (*error["loc"], *([error["ctx"]["error"].where] if error["type"] == "value_error" else []))
     return section, ".".join(map(str, key)).strip(".")
@@ -462,10 +462,10 @@ def changed(config, values, library=False):
     for path in values:
         if not isinstance(path, str) or path.count(".") != 1:
             raise ConfigError(f'values: {path!r} is not of the form section.key, such as "plant.fx_hz"')
-    tree = released(needed(config).model_dump(), values)
+    tree = drop_inherited(needed(config).model_dump(), values)
     for path, value in values.items():
         section, key = path.split(".")
-        tree.setdefault(section, {})[key] = plain(value)
+        tree.setdefault(section, {})[key] = to_python(value)
     return from_dict(tree, "changed", {LIBRARY: "caller"} if library or LIBRARY not in values else {})
 
 

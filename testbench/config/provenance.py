@@ -61,7 +61,7 @@ def origin(section, key):
     return SECTIONS[section][key]
 
 
-def fitted():
+def fitted_defaults():
     """("plant.cref_drive_f", ...): all fitted defaults."""
     return tuple(f"{section}.{key}" for section, table in SECTIONS.items()
                  for key, o in table.items() if o.kind == FITTED)  # fmt: skip

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model.design_record import DEFAULT
-from testbench.config.toml_text import toml_of
+from testbench.config.toml_text import short_toml
 
 DEG = math.pi / 180
 
@@ -90,7 +90,7 @@ class Profile(NamedTuple):
     frames: int
     frame_s: float
 
-    def at(self, first, count=1):
+    def frame_values(self, first, count=1):
         """Values of frames first .. first + count - 1; before and after the profile its first and last one."""
         if len(self.points) == 1:
             return np.full(count, self.points[0][1] * self.factor)
@@ -103,7 +103,7 @@ class Profile(NamedTuple):
         for t_s, _ in self.points:
             frame = min(int(t_s / self.frame_s), self.frames)
             near |= {k for k in range(frame - 2, frame + 3) if 0 <= k < self.frames}
-        values = [float(self.at(k)[0]) for k in near]
+        values = [float(self.frame_values(k)[0]) for k in near]
         return min(values), max(values)
 
 
@@ -122,21 +122,21 @@ class Timeline(NamedTuple):
 # ---- checks; they raise Problem and return what they understood ------------------------------------------------------
 
 
-def _finite(value, where, what):
+def _finite_number(value, where, what):
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise Problem(where, f"= {toml_of(value)}: {what} is not a number")
+        raise Problem(where, f"= {short_toml(value)}: {what} is not a number")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise Problem(where, f"= {toml_of(value)}: {what} is not finite")
+        raise Problem(where, f"= {short_toml(value)}: {what} is not finite")
     return number
 
 
-def _row(item, where, length, shape):
+def _check_row(item, where, length, shape):
     if not isinstance(item, (list, tuple)) or len(item) != length:
-        raise Problem(where, f"= {toml_of(item)} is not of the form {shape}")
+        raise Problem(where, f"= {short_toml(item)} is not of the form {shape}")
     return item
 
 
@@ -145,13 +145,13 @@ def profile_points(value, lo, hi, unit):
     if isinstance(value, (list, tuple)):
         if not value:
             raise Problem("", "= [] has no points")
-        rows = [(f"[{k}]", *_row(item, f"[{k}]", 2, f"[t_s, {unit}]")) for k, item in enumerate(value)]
+        rows = [(f"[{k}]", *_check_row(item, f"[{k}]", 2, f"[t_s, {unit}]")) for k, item in enumerate(value)]
     else:
         rows = [("", 0.0, value)]
     points = []
     for where, t_s, level in rows:
-        t_s = _finite(t_s, where, "the time")
-        level = _finite(level, where, "the value")
+        t_s = _finite_number(t_s, where, "the time")
+        level = _finite_number(level, where, "the value")
         if level > hi:
             raise Problem(where, f"= {level:g} is above the limit {hi:g} {unit}")
         if level < lo:
@@ -166,11 +166,11 @@ def profile_points(value, lo, hi, unit):
     return tuple(points)
 
 
-def nearest(name, known):
+def nearest(name, names):
     """Hint on a name that is not among the known ones."""
-    near = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     return (
-        f"did you mean {near[0]}?" if near else f"known: {textwrap.shorten(', '.join(known), 280, placeholder=' ...')}"
+        f"did you mean {near[0]}?" if near else f"known: {textwrap.shorten(', '.join(names), 280, placeholder=' ...')}"
     )
 
 
@@ -184,18 +184,20 @@ def writable_registers():
 def check_register_writes(value):
     """((t_s, name, raw), ...) of [[t_s, register, raw value], ...]."""
     if not isinstance(value, (list, tuple)):
-        raise Problem("", f"= {toml_of(value)} is not a list of [t_s, register, raw value]")
-    known = writable_registers() if value else {}
+        raise Problem("", f"= {short_toml(value)} is not a list of [t_s, register, raw value]")
+    formats = writable_registers() if value else {}
     writes = []
     for k, item in enumerate(value):
         where = f"[{k}]"
-        t_s, name, raw = _row(item, where, 3, "[t_s, register, raw value]")
-        t_s = _finite(t_s, where, "the time")
-        if not isinstance(name, str) or name not in known:
-            raise Problem(where, f"= {toml_of(name)} is not a writable register; {nearest(name, known)}")
+        t_s, name, raw = _check_row(item, where, 3, "[t_s, register, raw value]")
+        t_s = _finite_number(t_s, where, "the time")
+        if not isinstance(name, str) or name not in formats:
+            raise Problem(where, f"= {short_toml(name)} is not a writable register; {nearest(name, formats)}")
         if isinstance(raw, bool) or not isinstance(raw, int):
-            raise Problem(where, f"= {toml_of(raw)}: the value of {name} is not an integer; registers take raw words")
-        fmt = known[name]
+            raise Problem(
+                where, f"= {short_toml(raw)}: the value of {name} is not an integer; registers take raw words"
+            )
+        fmt = formats[name]
         if not fmt.holds(raw):
             side, limit = ("above", fmt.hi) if raw > fmt.hi else ("below", fmt.lo)
             raise Problem(where, f"= {raw}: the value of {name} is {side} the limit {limit} of its format {fmt}")
@@ -208,7 +210,7 @@ def check_laws(value):
     from analog_frontend.effects import law
 
     if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
-        raise Problem("", f'= {toml_of(value)} is not a list of texts such as "force_x = -2.5e9 x^3"')
+        raise Problem("", f'= {short_toml(value)} is not a list of texts such as "force_x = -2.5e9 x^3"')
     if len(value) > law.SLOTS:
         raise Problem("", f"has {len(value)} laws, above the limit {law.SLOTS}")
     try:
@@ -220,19 +222,21 @@ def check_laws(value):
 def check_faults(value):
     """((t_s, kind, channel, value, duration_s), ...) of the list in the file."""
     if not isinstance(value, (list, tuple)):
-        raise Problem("", f"= {toml_of(value)} is not a list of [t_s, kind, channel, value, duration_s]")
+        raise Problem("", f"= {short_toml(value)} is not a list of [t_s, kind, channel, value, duration_s]")
     faults = []
     for k, item in enumerate(value):
         where = f"[{k}]"
-        t_s, kind, channel, level, duration_s = _row(item, where, 5, "[t_s, kind, channel, value, duration_s]")
-        t_s = _finite(t_s, where, "the time")
+        t_s, kind, channel, level, duration_s = _check_row(item, where, 5, "[t_s, kind, channel, value, duration_s]")
+        t_s = _finite_number(t_s, where, "the time")
         if not isinstance(kind, str) or kind not in FAULTS:
-            raise Problem(where, f"= {toml_of(kind)} is not a kind of fault; {nearest(kind, FAULTS)}")
+            raise Problem(where, f"= {short_toml(kind)} is not a kind of fault; {nearest(kind, FAULTS)}")
         fault = FAULTS[kind]
         if channel not in fault.channels:
-            raise Problem(where, f"= {toml_of(channel)} is not a channel of {kind}; {nearest(channel, fault.channels)}")
+            raise Problem(
+                where, f"= {short_toml(channel)} is not a channel of {kind}; {nearest(channel, fault.channels)}"
+            )
         if isinstance(level, bool) or not isinstance(level, int):
-            raise Problem(where, f"= {toml_of(level)}: the value of {kind} is not an integer")
+            raise Problem(where, f"= {short_toml(level)}: the value of {kind} is not an integer")
         lo, hi = DAC_CODES[channel] if kind == "dac_stuck" else (fault.lo, fault.hi)
         if not lo <= level <= hi:
             side, limit = ("above", hi) if level > hi else ("below", lo)
@@ -240,7 +244,9 @@ def check_faults(value):
         if kind == "adc_over_range" and level == 0:
             raise Problem(where, "= 0: the value of adc_over_range is -1 or 1, the sign of the rail")
         if isinstance(duration_s, bool) or not isinstance(duration_s, (int, float)) or not duration_s > 0:
-            raise Problem(where, f"= {toml_of(duration_s)}: the duration is not a number above 0 s (inf: to the end)")
+            raise Problem(
+                where, f"= {short_toml(duration_s)}: the duration is not a number above 0 s (inf: to the end)"
+            )
         faults.append((t_s, kind, channel, level, float(duration_s)))
     return tuple(faults)
 
@@ -248,13 +254,13 @@ def check_faults(value):
 def check_columns(value):
     """The list of columns of the record as a tuple of names."""
     if not isinstance(value, (list, tuple)):
-        raise Problem("", f"= {toml_of(value)} is not a list of names")
+        raise Problem("", f"= {short_toml(value)} is not a list of names")
     if value:
         from testbench.storage.spool import FIELDS
 
         for k, name in enumerate(value):
             if not isinstance(name, str) or name not in FIELDS:
-                raise Problem(f"[{k}]", f"= {toml_of(name)} is not a column of the record; {nearest(name, FIELDS)}")
+                raise Problem(f"[{k}]", f"= {short_toml(name)} is not a column of the record; {nearest(name, FIELDS)}")
     return tuple(value)
 
 
@@ -283,7 +289,7 @@ def sample(points, t_s, steps=False):
     return np.interp(t_s, times, values)
 
 
-def events_of(scenario, ticks, tick_hz):
+def sorted_events(scenario, ticks, tick_hz):
     """Events sorted by tick; those at one tick keep the order of the file, ends before beginnings."""
     events = [
         Event(round(t_s * tick_hz), WRITE, name, "", raw)
@@ -311,5 +317,5 @@ def expand(scenario, design=DEFAULT):
         Profile(temp, False, 1.0, frames, frame_s),
         rate[0][1] * DEG,
         temp[0][1],
-        events_of(scenario, ticks, design.tick_hz),
+        sorted_events(scenario, ticks, design.tick_hz),
     )

@@ -22,7 +22,7 @@ def other(default, doc, unit=""):
     return Field(default, description=doc, json_schema_extra={"unit": unit})
 
 
-def checked(function):
+def as_validator(function):
     """A validator that keeps the value if `function` does not raise."""
 
     def check(value):

@@ -27,7 +27,7 @@ def toml_key(key):
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)
 
 
-def toml_of(value):
+def short_toml(value):
     """A value as TOML, shortened to fit a line."""
     try:
         text = toml_value(value)

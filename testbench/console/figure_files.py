@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from testbench.console.report import png_bytes
-from testbench.storage.files import together, write_bytes
+from testbench.storage.files import atomic_outputs, write_bytes
 
 HEAD = ("panel", "series", "x", "label", "y", "low", "high")
 KINDS = ("png", "svg", "pdf", "csv")
@@ -38,25 +38,25 @@ class Picture(NamedTuple):
 
 def write(picture, folder):
     """Write the four files together; returns the paths by kind, and the bytes of the PNG."""
-    made = {"png": png_bytes(picture.figure)}
+    contents = {"png": png_bytes(picture.figure)}
     picture.figure.set_layout_engine("none")  # laid out once, for all kinds
     with matplotlib.rc_context({"svg.hashsalt": picture.name, "svg.fonttype": "path"}):
         buffer = io.BytesIO()
         FigureCanvasSVG(picture.figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
-        made["svg"] = buffer.getvalue()
+        contents["svg"] = buffer.getvalue()
     buffer = io.BytesIO()
     FigureCanvasPdf(picture.figure).print_pdf(buffer, metadata={"CreationDate": None, "Creator": None})
-    made["pdf"] = buffer.getvalue()
+    contents["pdf"] = buffer.getvalue()
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
     out.writerow(HEAD)
     out.writerows(numbers(picture.figure))
-    made["csv"] = text.getvalue().encode()
+    contents["csv"] = text.getvalue().encode()
     paths = {kind: Path(folder) / f"{picture.name}.{kind}" for kind in KINDS}
-    with together():
+    with atomic_outputs():
         for kind, path in paths.items():
-            write_bytes(path, made[kind])
-    return paths, made["png"]
+            write_bytes(path, contents[kind])
+    return paths, contents["png"]
 
 
 def numbers(figure):
@@ -64,11 +64,11 @@ def numbers(figure):
     rows = []
     for axis in figure.axes:
         panel = " ".join((axis.get_title(loc="left") or axis.get_ylabel() or axis.get_xlabel()).split())
-        rows += [(panel, *row) for row in _of_axis(axis)]
+        rows += [(panel, *row) for row in _axis_rows(axis)]
     return rows
 
 
-def _of_axis(axis):
+def _axis_rows(axis):
     labels, drawn = _labels(axis), set()
     for container in axis.containers:
         if isinstance(container, ErrorbarContainer):

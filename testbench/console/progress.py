@@ -29,22 +29,22 @@ class Progress:
         if self._bar:
             self._bar.stop()
 
-    def __call__(self, text, done, total):
+    def __call__(self, text, completed, total):
         now = time.monotonic()
         if self._quiet or (self._bar is None and now - self._begin < SHOW_PROGRESS_AFTER_S):
             return
-        if text == self._text and now < self._next and done < total:
+        if text == self._text and now < self._next and completed < total:
             return
         self._next = now + SHOW_PROGRESS_EVERY_S
         if self._bar is None:
-            self._open()
+            self._open_bar()
         if text != self._text:
             self._text = text
-            self._bar.reset(self._task, description=text, completed=done, total=total)
+            self._bar.reset(self._task, description=text, completed=completed, total=total)
         else:
-            self._bar.update(self._task, completed=done, total=total)
+            self._bar.update(self._task, completed=completed, total=total)
 
-    def _open(self):
+    def _open_bar(self):
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 

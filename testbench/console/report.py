@@ -43,7 +43,7 @@ def plain_axes(axes):
         axis.spines[["top", "right"]].set_visible(False)
 
 
-def axes_of(title, height_in, rows=1, columns=1, **grid):
+def make_axes(title, height_in, rows=1, columns=1, **grid):
     """(figure, axes) 1200 pixels wide, axes as an array of rows and columns."""
     figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained", facecolor="white")
     axes = figure.subplots(rows, columns, squeeze=False, **grid)
@@ -55,7 +55,7 @@ def axes_of(title, height_in, rows=1, columns=1, **grid):
 
 
 def _figure(height_in, rows=1, title="", **grid):
-    figure, axes = axes_of(title, height_in, rows, **grid)
+    figure, axes = make_axes(title, height_in, rows, **grid)
     return figure, axes[:, 0]
 
 
@@ -121,8 +121,8 @@ def startup(
     if lock_time_s is not None:
         for axis in axes:
             axis.axvline(lock_time_s, color=GREEN, linestyle="-.", linewidth=1.4)
-        place = {"xycoords": ("data", "axes fraction")}
-        _note(axes[0], f"lock, {lock_time_s:.3f} s", (lock_time_s, 0.03), (6, 0), GREEN, **place)
+        position = {"xycoords": ("data", "axes fraction")}
+        _note(axes[0], f"lock, {lock_time_s:.3f} s", (lock_time_s, 0.03), (6, 0), GREEN, **position)
     axes[0].set_xlim(time_s[0], time_s[-1])
     figure.align_ylabels()
     return figure
@@ -174,11 +174,13 @@ def spectra(outputs, rate_hz, images=3):
         axis.plot(*_thin(frequency[4:], level[4:]), color=BLUE, linewidth=0.9, label="codes")
         peak = 4 + int(np.argmax(level[4:]))
         # the hold repeats the spectrum around k times the rate, weighted by its sinc
-        held = np.concatenate([level[1:], level[-2::-1]] * (images + 1))[: (2 * images + 1) * len(codes) // 2]
-        above = np.arange(1, len(held) + 1) * step_hz
-        held = held + 20 * np.log10(np.maximum(np.abs(np.sinc(above / rate_hz)), 1e-12))
-        beyond = above > rate_hz / 2
-        axis.plot(*_thin(above[beyond], held[beyond]), color=ORANGE, linewidth=0.9, label="images of the hold")
+        image_dbfs = np.concatenate([level[1:], level[-2::-1]] * (images + 1))[: (2 * images + 1) * len(codes) // 2]
+        image_hz = np.arange(1, len(image_dbfs) + 1) * step_hz
+        image_dbfs = image_dbfs + 20 * np.log10(np.maximum(np.abs(np.sinc(image_hz / rate_hz)), 1e-12))
+        is_image = image_hz > rate_hz / 2
+        axis.plot(
+            *_thin(image_hz[is_image], image_dbfs[is_image]), color=ORANGE, linewidth=0.9, label="images of the hold"
+        )
         line_hz = frequency[peak]
         sizes = [level[peak] + 20 * np.log10(line_hz / (k * rate_hz)) for k in range(1, images + 1)]
         centres = np.arange(1, images + 1) * rate_hz
@@ -301,8 +303,8 @@ def picture_html(picture, caption, links=()):
     else:
         image = _image(picture if isinstance(picture, bytes) else Path(picture).read_bytes(), text)
     files = " ".join(f'<a href="{html.escape(address)}">{html.escape(name)}</a>' for name, address in links)
-    below = f'<p class="note">{files}</p>' if files else ""
-    return f"<figure>{image}<figcaption>{text}</figcaption>{below}</figure>"
+    links_html = f'<p class="note">{files}</p>' if files else ""
+    return f"<figure>{image}<figcaption>{text}</figcaption>{links_html}</figure>"
 
 
 def tables_html(tables):

@@ -8,17 +8,17 @@ PLAIN_WIDTH = 120  # columns where standard output is no terminal
 WORDS_WIDTH = 12  # columns that a cell of words needs at least
 
 
-def _finite(value):
+def _finite_or_null(value):
     """The same data with numbers that JSON cannot hold as null."""
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: _finite_or_null(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
+        return [_finite_or_null(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def print_json(data):
-    print(json.dumps(_finite(data), allow_nan=False))
+    print(json.dumps(_finite_or_null(data), allow_nan=False))
 
 
 def _console():
@@ -49,7 +49,7 @@ def _print_rows(console, table, note):
     console.print()
 
 
-def _grid(table, note):
+def _table_grid(table, note):
     from rich import box
     from rich.table import Table
 
@@ -62,16 +62,16 @@ def _grid(table, note):
     return grid
 
 
-def print_tables(shown):
+def print_tables(tables):
     """Print tables on standard output, as grids or, on a terminal that is too narrow, cell by cell."""
     console = _console()
-    for table, after in zip(shown, [*shown[1:], None]):
+    for table, after in zip(tables, [*tables[1:], None]):
         # a note that the next table has, too, stands behind that one
         note = None if after and after.note == table.note else table.note or None
         if _needed(table) > console.width:
             _print_rows(console, table, note)
         else:
-            console.print(_grid(table, note), markup=False)
+            console.print(_table_grid(table, note), markup=False)
 
 
 def print_list(head, items):

@@ -29,7 +29,7 @@ def design(
     """Design the loops for a board: a configuration that locks, what it will do, or which limit stops it."""
     from testbench.config import to_toml
     from testbench.run import outputs
-    from testbench.storage.files import together, write_text
+    from testbench.storage.files import atomic_outputs, write_text
 
     for folder in ([report] if report else []) + ([out.parent] if out else []):
         outputs.check_folder(folder)
@@ -41,9 +41,9 @@ def design(
         result = designer.design(targets.load(target), str(target))
         if simulate:
             progress("simulation", 0, 1)
-            result = result._replace(simulated=confirm.of_result(result))
+            result = result._replace(simulated=confirm.confirm_result(result))
         written = []
-        with together():
+        with atomic_outputs():
             if out is not None:
                 write_text(out, to_toml(result.config))
                 written.append(str(out))

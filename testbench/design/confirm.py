@@ -59,22 +59,22 @@ def measure(config, bandwidth_hz, settle_s=SETTLE_S):
     rate = confirm.multisine(lines, LINE_DPS, settle_s, window, frame_hz)
     sim.keep_rows = True
     sim.advance(len(rate) * frame_ticks, rate * DEG, 25.0)
-    run = confirm.PlayedRun(1 / frame_hz, sim.columns(), bool(sim.locked))
+    run = confirm.ProfileRun(1 / frame_hz, sim.columns(), bool(sim.locked))
     if not run.locked:
         raise ConfigError("simulation: the gyroscope loses lock under the lines of rate")
     size = np.abs(confirm.measured_response(run, rate, lines, window))
     level = 20 * np.log10(size / size[0])
-    below = np.flatnonzero(level < -3.0103)
-    inside = level[: below[0]] if len(below) else level
+    stopband = np.flatnonzero(level < -3.0103)
+    inside = level[: stopband[0]] if len(stopband) else level
     edge = None
-    if len(below):
-        k = below[0]
+    if len(stopband):
+        k = stopband[0]
         part = (level[k - 1] + 3.0103) / (level[k - 1] - level[k])
         edge = float(lines[k - 1] * (lines[k] / lines[k - 1]) ** part)
     return Measured(float(lock_s), edge, max(float(inside.max()), 0.0), float(size[0]))
 
 
-def of_result(result):
+def confirm_result(result):
     """`Measured` of a design's own board, noise off."""
     settle_s = max(SETTLE_S, 5 * (result.advice.ring_tau_s or 0.0))
     return measure(changed(result.config, confirm.QUIET), result.advice.bandwidth_hz, settle_s)

@@ -34,7 +34,7 @@ CHOSEN = (
 )
 
 
-def predictions(result):
+def predicted_values(result):
     """{name: value} of what a run of the design is expected to show, nominal board, noise off."""
     a, budget = result.advice, result.budget
     node, loop = budget.node_deg(), budget.loop_deg()
@@ -65,35 +65,36 @@ UNITS = (("_hz", "Hz"), ("_db", "dB"), ("_deg_s", "deg/s"), ("lsb_per_dps", "LSB
          ("_deg", "deg"), ("_um", "um"), ("_s", "s"), ("_v", "V"), ("v_q", "V"))  # fmt: skip
 
 
-def unit_of(name):
+def quantity_unit(name):
     """Unit that a name ends in."""
     return next((unit for end, unit in UNITS if name.endswith(end)), "")
 
 
-def _number(value):
+def _six_digits(value):
     return "-" if value is None else f"{value:.6g}"
 
 
 def tables(result):
     """Tables for the terminal and the page."""
-    f, n, rest = result.config.firmware, result.config.nominal, result.rest
-    chosen = [("sid_c_f of [nominal]", _number(n.sid_c_f), "F")]
-    chosen += [(name, _number(getattr(f, name)), unit_of(name)) for name in CHOSEN]
-    seen = result.simulated._asdict() if result.simulated else {}
+    f, n, limit_cycles = result.config.firmware, result.config.nominal, result.rest
+    chosen = [("sid_c_f of [nominal]", _six_digits(n.sid_c_f), "F")]
+    chosen += [(name, _six_digits(getattr(f, name)), quantity_unit(name)) for name in CHOSEN]
+    simulated = result.simulated._asdict() if result.simulated else {}
     predicted = [
-        (name, _number(value), _number(seen[name]) if name in seen else "", unit_of(name))
-        for name, value in predictions(result).items()
+        (name, _six_digits(value), _six_digits(simulated[name]) if name in simulated else "", quantity_unit(name))
+        for name, value in predicted_values(result).items()
     ]
     rounding = [
-        ("half a step of the converter, without noise", _number(rest.adc_dead_band_dps), "deg/s"),
-        ("one LSB of the force word", _number(rest.word_lsb_dps), "deg/s"),
-        ("one LSB of the force DAC", _number(rest.dac_lsb_dps), "deg/s"),
-        ("one code of V_q, as quadrature", _number(rest.v_q_lsb_dps), "deg/s"),
-        ("noise at the converter by its step", _number(rest.dither), "rms steps"),
+        ("half a step of the converter, without noise", _six_digits(limit_cycles.adc_dead_band_dps), "deg/s"),
+        ("one LSB of the force word", _six_digits(limit_cycles.word_lsb_dps), "deg/s"),
+        ("one LSB of the force DAC", _six_digits(limit_cycles.dac_lsb_dps), "deg/s"),
+        ("one code of V_q, as quadrature", _six_digits(limit_cycles.v_q_lsb_dps), "deg/s"),
+        ("noise at the converter by its step", _six_digits(limit_cycles.dither), "rms steps"),
     ]
-    held = [(r.what, f"{r.value:.4g}", f"{r.limit:.4g}", r.unit, f"{100 * r.share:.0f} %") for r in result.ranges]
+    range_rows = [(r.what, f"{r.value:.4g}", f"{r.limit:.4g}", r.unit, f"{100 * r.share:.0f} %") for r in result.ranges]
     plan = [
-        (m.what, f"{m.distance_hz:.6g}", f"{m.least_hz:.4g}", "yes" if m.kept else "no", m.effect) for m in result.plan
+        (m.what, f"{m.distance_hz:.6g}", f"{m.least_hz:.4g}", "yes" if m.is_satisfied else "no", m.effect)
+        for m in result.plan
     ]
     return [
         Table("Chosen", ("key", "value", "unit"), chosen, f"amplitude bounded by: {result.amplitude_bound}"),
@@ -105,7 +106,7 @@ def tables(result):
             (1, 2),
         ),
         Table("Rounding and limit cycles", ("what", "value", "unit"), rounding),
-        Table("Ranges", ("what", "needs", "limit", "unit", "used"), held, numeric=(1, 2, 4)),
+        Table("Ranges", ("what", "needs", "limit", "unit", "used"), range_rows, numeric=(1, 2, 4)),
         Table("Frequency plan", ("what", "Hz", "at least Hz", "kept", "effect"), plan, numeric=(1, 2)),
     ]
 
@@ -114,12 +115,12 @@ def as_json(result):
     """One object with every number."""
     return {
         "chosen": {"sid_c_f": result.config.nominal.sid_c_f, **{k: getattr(result.config.firmware, k) for k in CHOSEN}},
-        "predicted": predictions(result),
+        "predicted": predicted_values(result),
         "simulated": result.simulated._asdict() if result.simulated else None,
         "rounding": {k: float(v) for k, v in result.rest._asdict().items()},
         "start_up": {"nominal": result.nominal._asdict(), "slowest": result.slowest._asdict()},
-        "ranges": [{**r._asdict(), "kept": r.kept} for r in result.ranges],
-        "plan": [{**m._asdict(), "kept": m.kept} for m in result.plan],
+        "ranges": [{**r._asdict(), "is_satisfied": r.is_satisfied} for r in result.ranges],
+        "plan": [{**m._asdict(), "is_satisfied": m.is_satisfied} for m in result.plan],
         "warnings": list(result.warnings),
     }
 
@@ -129,17 +130,17 @@ def write(result, folder, progress=None, cells=9):
     from testbench.console import report
     from testbench.design import design_pictures
     from testbench.paper.loop import loop_pictures
-    from testbench.paper.loop.parts import parts
+    from testbench.paper.loop.loop_parameters import loop_parameters
 
-    config, p = result.config, parts(result.config)
+    config, p = result.config, loop_parameters(result.config)
     split, bandwidth = abs(config.nominal.fx_hz - config.nominal.fy_hz), result.choice.bandwidth_hz
     reach = np.geomspace(1 / 4, 4, cells)
-    found = margins.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
+    margin_map = margins.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
     pictures = [
         (
             "The best loop for each bandwidth and split, its SID capacitor included. Grey: no loop is stable within "
             "the peak and the modulus margin. Star: this design.",
-            design_pictures.margins(found, (bandwidth, split)),
+            design_pictures.margins(margin_map, (bandwidth, split)),
         ),
         ("Open loop of this design, with its margins.", loop_pictures.bode(p, result.advice)),
         ("Closed loop of this design.", loop_pictures.closed(p)),

@@ -20,7 +20,7 @@ from testbench.design import drive_loops, frequency_plan, ranges, rate_loop, sta
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, limit_cycles
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import build, design_check
 from testbench.run.budget import budget, lock_frequency_hz
 
@@ -37,7 +37,7 @@ class Result(NamedTuple):
     config: object
     choice: rate_loop.Choice
     advice: advisor.Advice
-    rest: limit_cycles.Rest
+    rest: limit_cycles.RoundingEffects
     nominal: start_up.StartUp
     slowest: start_up.StartUp
     promised_s: float
@@ -51,13 +51,13 @@ class Result(NamedTuple):
     @property
     def warnings(self):
         """What to mind, one line each."""
-        said = [
+        lines = [
             f"{m.what}: {m.distance_hz:.4g} Hz is below {m.least_hz:.4g} Hz: {m.effect}"
             for m in self.plan
-            if not m.kept
+            if not m.is_satisfied
         ]
-        said += [w for w in self.advice.warnings if not w.startswith("bandwidth ")]
-        return (*said, *build.no_rate_output(self.config))
+        lines += [w for w in self.advice.warnings if not w.startswith("bandwidth ")]
+        return (*lines, *build.no_rate_output(self.config))
 
 
 class _Draft:
@@ -71,9 +71,9 @@ class _Draft:
         tree = {"design": file.design.model_dump(), "nominal": nominal, "firmware": firmware}
         self.config = config_of(tree, source)
         design_check.check(self.config)
-        self._begin(file.target.bandwidth_hz)
+        self._set_initial_gains(file.target.bandwidth_hz)
 
-    def _begin(self, bandwidth_hz):
+    def _set_initial_gains(self, bandwidth_hz):
         """Gains and an amplitude that the firmware's formats hold, to begin with."""
         self.set(ftr_crossover_hz=0.6 * bandwidth_hz, ftr_zero_hz=10 * bandwidth_hz)
         for amplitude_um in FIRST_AMPLITUDES_UM:
@@ -81,8 +81,8 @@ class _Draft:
             try:
                 return self.set_quadrature(QUADRATURE_BY_BANDWIDTH[0] * bandwidth_hz)
             except ConfigError as problem:
-                said = problem
-        raise said
+                refusal = problem
+        raise refusal
 
     def set(self, **keys):
         """Change keys of [firmware] that are not fixed; keys of both boards are written `nominal__key`."""
@@ -91,7 +91,7 @@ class _Draft:
             if key.startswith("nominal__"):
                 values["nominal." + key.removeprefix("nominal__")] = value
             elif key not in self.fixed:
-                values[f"firmware.{key}"] = _within(type(self.config.firmware), key, float(f"{value:.6g}"))
+                values[f"firmware.{key}"] = _clamp_to_limits(type(self.config.firmware), key, float(f"{value:.6g}"))
         self.config = changed(self.config, values)
 
     def set_quadrature(self, crossover_hz):
@@ -103,15 +103,15 @@ class _Draft:
             except ValueError as problem:
                 if "fit format" not in str(problem):
                     raise
-                said = problem
-        return self.refuse(f"the firmware's formats do not hold this board's gains: {said}")
+                refusal = problem
+        return self.refuse(f"the firmware's formats do not hold this board's gains: {refusal}")
 
     def refuse(self, text):
         """ConfigError with the file's name in front."""
         raise ConfigError(f"{self.source}: {text}")
 
 
-def _within(section, key, value):
+def _clamp_to_limits(section, key, value):
     """The value, within the limits of its key."""
     low, high = (
         next(getattr(m, end) for m in section.model_fields[key].metadata if hasattr(m, end)) for end in ("ge", "le")
@@ -133,18 +133,18 @@ def _amplitude(draft):
         return "[firmware]"
     now = config.firmware.amplitude_um
     most, bound = ranges.most_amplitude_um(ranges.ranges(config, target), now)
-    wanted = target.amplitude_um
+    amplitude_um = target.amplitude_um
     scale = target.scale_lsb_per_deg_s or (target.full_scale_deg_s and 2**23 / target.full_scale_deg_s)
     if scale:
-        wanted = scale / abs(advisor.rest_gain(lp.close(parts(config))) * lp.DEG) * now
-    if wanted is None:
-        wanted, reason = math.floor(most * STEPS_PER_UM) / STEPS_PER_UM, bound
+        amplitude_um = scale / abs(advisor.dc_gain(lp.close(loop_parameters(config))) * lp.DEG) * now
+    if amplitude_um is None:
+        amplitude_um, reason = math.floor(most * STEPS_PER_UM) / STEPS_PER_UM, bound
     else:
         reason = "[target]"
-    if not AMPLITUDES_UM[0] <= wanted <= AMPLITUDES_UM[1]:
+    if not AMPLITUDES_UM[0] <= amplitude_um <= AMPLITUDES_UM[1]:
         low, high = AMPLITUDES_UM
-        draft.refuse(f"amplitude: {wanted:.4g} um, bounded by {reason}, is outside {low:g} .. {high:g} um")
-    draft.set(amplitude_um=wanted)
+        draft.refuse(f"amplitude: {amplitude_um:.4g} um, bounded by {reason}, is outside {low:g} .. {high:g} um")
+    draft.set(amplitude_um=amplitude_um)
     draft.set_quadrature(config.firmware.qsc_crossover_hz)  # its gain goes with 1 / amplitude
     return reason
 
@@ -169,7 +169,7 @@ WORDS = ("phase_drive_sine_deg", "phase_sense_sine_deg", "phase_drive_ref_deg", 
 
 def _check_ranges(draft):
     for r in ranges.ranges(draft.config, draft.target):
-        if not r.kept:
+        if not r.is_satisfied:
             draft.refuse(f"{r.what}: {r.value:.4g} {r.unit} is above the limit {r.limit:.4g} {r.unit}; {r.remedy}")
 
 
@@ -205,11 +205,12 @@ def _why(draft, bands, tolerances, limits):
     """Line for a bandwidth that no rate loop reaches: what is possible, and which constraint stops it."""
     target, config = draft.target, draft.config
     split = abs(config.nominal.fx_hz - config.nominal.fy_hz)
-    wanted = target.bandwidth_hz
+    bandwidth_hz = target.bandwidth_hz
     most = rate_loop.most(bands, limits)
     if target.keep_sid:
         return (
-            f"target.bandwidth_hz = {wanted:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, "
+            f"target.bandwidth_hz = {bandwidth_hz:g} Hz does not go with nominal.sid_c_f = "
+            f"{config.nominal.sid_c_f:g} F, "
             f"which allows at most {most:.3g} Hz; keep_sid = false lets the design choose it"
         )
     if not most:
@@ -218,18 +219,22 @@ def _why(draft, bands, tolerances, limits):
             f"{limits.peak_db:g} dB within the tolerances of [nominal], with a split of {split:.4g} Hz; smaller "
             "tolerances or a smaller modulus_margin would do"
         )
-    if wanted <= most:
+    if bandwidth_hz <= most:
         return (
-            f"target.bandwidth_hz = {wanted:g} Hz is below what keeps a modulus margin of {limits.modulus:g}, although "
+            f"target.bandwidth_hz = {bandwidth_hz:g} Hz is below what keeps a modulus margin of "
+            f"{limits.modulus:g}, although "
             f"{most:.3g} Hz does; another bandwidth, or a lower modulus_margin"
         )
-    text = f"target.bandwidth_hz = {wanted:g} Hz is above {most:.3g} Hz, the most that a rate loop of this board allows"
+    text = (
+        f"target.bandwidth_hz = {bandwidth_hz:g} Hz is above {most:.3g} Hz, the most that a rate loop of this "
+        "board allows"
+    )
     for by in WIDER:
-        by *= wanted / most
+        by *= bandwidth_hz / most
         other = changed(
             config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)}
         )
-        if rate_loop.choose(other, rate_loop.boards(other, tolerances, wanted), wanted, limits):
+        if rate_loop.choose(other, rate_loop.boards(other, tolerances, bandwidth_hz), bandwidth_hz, limits):
             need = f"{by * split:.3g} Hz would do"
             return f"{text}: the split fx_hz - fy_hz of {split:.4g} Hz of [nominal] is the constraint; {need}"
     return f"{text}: the delay of the converter's frames is the constraint"
@@ -246,15 +251,15 @@ def _drive_loops(draft):
 def _start_up(draft):
     """Choose the quadrature loop's crossover; returns (nominal, slowest, promised) of the start-up."""
     target = draft.target
-    drives = [start_up.driven(c) for c in (draft.config, *start_up.corners(draft.config))]
+    drives = [start_up.drive_start_up(c) for c in (draft.config, *start_up.corners(draft.config))]
     for ratio in QUADRATURE_BY_BANDWIDTH:
         draft.set_quadrature(ratio * target.bandwidth_hz)
         boards = (draft.config, *start_up.corners(draft.config))
-        found = [start_up.completed(*pair) for pair in zip(drives, boards)]
-        slowest = start_up.slowest(found)
+        start_ups = [start_up.completed(*pair) for pair in zip(drives, boards)]
+        slowest = start_up.slowest(start_ups)
         promised = start_up.promised_s(slowest)
         if promised is not None and promised <= target.startup_s:
-            return found[0], slowest, promised
+            return start_ups[0], slowest, promised
     if promised is None:
         draft.refuse(f"start-up of a board of the tolerances: {slowest.failure}")
     draft.refuse(
@@ -302,7 +307,7 @@ def _designed(file, source):
     choice = _rate_loop(draft)
     nominal, slowest, promised = _start_up(draft)
     config = draft.config
-    p = parts(config)
+    p = loop_parameters(config)
     advice = advisor.advise(p)
     _check_loop(draft, advice)
     n = config.nominal

@@ -24,7 +24,7 @@ from scipy.optimize import brentq
 
 from analog_frontend.parts import sid
 from analog_frontend.parts.cv_noise import cv_density
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import build
 
 DRIVE_BY_SID, ZERO_BY_CROSSOVER = 0.06, 0.2
@@ -86,7 +86,7 @@ def phase_margin_deg(loop):
 
 def words(config):
     """`Words` of the nominal board and its tolerances."""
-    n, known = config.nominal, build.nominal(config)
+    n, nominal = config.nominal, build.nominal(config)
     corner = sid.corner_hz(n.sid_r_ohm * n.sid_c_f)
     tau = 1 / (2 * math.pi * corner * (1 - n.capacitor_tolerance))
     root, least = math.sqrt(n.q_tolerance), (1 - n.transducer_tolerance) ** 2
@@ -99,18 +99,18 @@ def words(config):
     off = n.fx_hz * n.f_tolerance + abs(config.firmware.nominal_frequency_hz - n.fx_hz)
     limit = SEARCH_ROOM * off + 1 / LEAST_SEARCH_S / 10
     kick_s = 0.5 / max(off, LEAST_OFF_HZ)
-    full_v = known["adc_drive_v"]
-    volts_per_s = known["plant_fs_per_s"] * full_v  # at the whole drive span
-    setpoint_v = config.firmware.amplitude_um * known["v_per_um"]
+    full_v = nominal["adc_drive_v"]
+    volts_per_s = nominal["plant_fs_per_s"] * full_v  # at the whole drive span
+    setpoint_v = config.firmware.amplitude_um * nominal["v_per_um"]
     share = min(1.0, KICK_SHARE * setpoint_v / (volts_per_s * kick_s))
-    left = math.sin(math.pi / 2) / (math.pi / 2) * (1 + (off / corner) ** 2) ** -1.5
-    decay_s = _settling(SETTLED * left) * tau
+    filter_gain = math.sin(math.pi / 2) / (math.pi / 2) * (1 + (off / corner) ** 2) ** -1.5
+    decay_s = _settling(SETTLED * filter_gain) * tau
     fallen = math.exp(-decay * (decay_s + MOST_SEARCH_S))
-    weakest = least * share * volts_per_s * kick_s * left
+    weakest = least * share * volts_per_s * kick_s * filter_gain
     noise = math.hypot(
         n.adc_noise_drive_v, 2 * cv_density(n.device(), n.temp_ref_degc, "drive") * n.signal_gain * math.sqrt(corner)
     )
-    offset = math.hypot(*parts(config).sid_offset_v)
+    offset = math.hypot(*loop_parameters(config).sid_offset_v)
     disturbed = math.sqrt(2) * noise + 2 * offset
     search = disturbed / max(weakest * fallen, LEAST_SIGNAL_V) / (2 * math.pi) / (CAPTURE * crossover)
     search_s = min(max(search, LEAST_SEARCH_S), MOST_SEARCH_S)

@@ -50,7 +50,7 @@ class Meeting(NamedTuple):
     effect: str
 
     @property
-    def kept(self):
+    def is_satisfied(self):
         return self.distance_hz >= self.least_hz
 
 
@@ -65,13 +65,13 @@ class Slide(NamedTuple):
 
 def slides(f_hz, design=DEFAULT):
     """[Slide, ...] of all ratios up to MOST_PLACES near a drive frequency, the slowest beat first."""
-    found, step_hz = [], design.master_hz / 2**design.dds_bits
+    slide_rows, step_hz = [], design.master_hz / 2**design.dds_bits
     for q in range(1, MOST_PLACES + 1):
         p = round(q * design.tick_hz / (2 * f_hz))
         if p and math.gcd(p, q) == 1:
             beat = max(abs(q * design.tick_hz - 2 * p * f_hz) - 2 * p * step_hz, 0.0)
-            found.append(Slide(q, q * design.tick_hz / (2 * p), beat, 360 * f_hz / design.tick_hz / q))
-    return sorted(found, key=lambda s: s.beat_hz)
+            slide_rows.append(Slide(q, q * design.tick_hz / (2 * p), beat, 360 * f_hz / design.tick_hz / q))
+    return sorted(slide_rows, key=lambda s: s.beat_hz)
 
 
 def dwell(beat_hz, seconds, loop=None):
@@ -133,21 +133,21 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     effect = f"references wander by {slow.wander_deg:.3f} deg, about a mean that is {off_deg:.3f} deg off"
     if loop is not None:
         effect += f"; the mean frequency of {MEAN_S:g} s is known to {1e6 * word_hz(f, MEAN_S, loop, design):.0f} uHz"
-    found = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect)]
+    meetings = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect)]
     for h in HARMONICS:
         level = ripple_db(h * f, device)
-        seen = max(alias_hz(h * f, design.frame_hz) - h * f * f_tolerance, 0.0)
-        found.append(
+        alias_distance_hz = max(alias_hz(h * f, design.frame_hz) - h * f * f_tolerance, 0.0)
+        meetings.append(
             Meeting(
                 f"{h} f at the frames of {design.frame_hz:g} Hz, tolerance included",
-                seen,
+                alias_distance_hz,
                 bandwidth_hz if level > SEEN_DB else 0.0,
                 f"ripple of {level:.0f} dB of the sense signal",
             )
         )
     carrier = device.carrier_hz * (1 + 1e-6 * device.carrier_ppm)
     k = max(round(carrier / design.tick_hz), 1)
-    found.append(
+    meetings.append(
         Meeting(
             f"carrier at image {k} of the DAC",
             abs(carrier - k * design.tick_hz),
@@ -158,7 +158,7 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     step = design.master_hz / 2**design.dds_bits
     half_width = f / (2 * device.qx)
     turn = math.degrees(math.atan(step / 2 / half_width))
-    found.append(
+    meetings.append(
         Meeting(
             f"f/2Q against {LEAST_STEPS} steps of the DDS",
             half_width,
@@ -166,4 +166,4 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
             f"half a step turns by {turn:.2g} deg",
         )
     )
-    return found
+    return meetings

@@ -16,7 +16,7 @@ Source  docs/design_of_loops.md
 import math
 from typing import NamedTuple
 
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import build
 
 ROOM = 0.9  # of a range, for noise, overshoot and temperature
@@ -41,7 +41,7 @@ class Range(NamedTuple):
     remedy: str
 
     @property
-    def kept(self):
+    def is_satisfied(self):
         return self.value <= self.limit * (1 + 1e-9)
 
     @property
@@ -56,57 +56,57 @@ def _leak_rad(p):
 
 def leak_deg(config):
     """ye1 + xe2' (deg): the angle by which rate leaks into quadrature."""
-    p = parts(config)
+    p = loop_parameters(config)
     return math.degrees(_leak_rad(p))
 
 
 def ranges(config, target):
     """[Range, ...] of a configuration at the largest rate and quadrature of a target."""
-    n, known, p = config.nominal, build.nominal(config), parts(config)
+    n, nominal, p = config.nominal, build.nominal(config), loop_parameters(config)
     angle = _leak_rad(p)
     root = math.sqrt(n.q_tolerance)
     # signals are held, so a weak pickoff moves further; a weak transducer needs more volts
     further = (1 + n.capacitor_tolerance) / (1 - n.transducer_tolerance)
     volts = further / (1 - n.transducer_tolerance)
-    seen = further * (1 + n.transducer_tolerance) / (1 - n.capacitor_tolerance) / (1 - n.split_tolerance)
+    sense_factor = further * (1 + n.transducer_tolerance) / (1 - n.capacitor_tolerance) / (1 - n.split_tolerance)
     rate = target.max_rate_deg_s
     bias = abs(p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg)) * 180 / math.pi * root
-    own = known["null_deg_per_s"]
-    quadrature = own if target.max_quadrature_deg_s is None else target.max_quadrature_deg_s
+    null_dps = nominal["null_deg_per_s"]
+    quadrature = null_dps if target.max_quadrature_deg_s is None else target.max_quadrature_deg_s
     leak = rate * abs(math.tan(angle))
-    full = (n.quad_dac_span_v / known["null_v"]) ** 2 * own if known["null_v"] else math.inf
+    full = (n.quad_dac_span_v / nominal["null_v"]) ** 2 * null_dps if nominal["null_v"] else math.inf
     w = 2 * math.pi * n.fx_hz
-    drive = config.firmware.amplitude_um * known["v_per_um"]
+    drive = config.firmware.amplitude_um * nominal["v_per_um"]
     hold_v = n.mass_kg * w**2 * config.firmware.amplitude_um * 1e-6 / n.qx * root / n.k_vf_drive_n_per_v
-    code_v = abs(known["code_v_per_deg_s"]) * seen
+    code_v = abs(nominal["code_v_per_deg_s"]) * sense_factor
     um_per_dps = (
-        1e6 * abs(known["code_v_per_deg_s"]) / abs(p.cv_v_per_m * p.sid_gain) * further / (1 - n.split_tolerance)
+        1e6 * abs(nominal["code_v_per_deg_s"]) / abs(p.cv_v_per_m * p.sid_gain) * further / (1 - n.split_tolerance)
     )
-    force_v = (rate + bias) / abs(math.cos(angle)) * abs(known["word_v_per_deg_s"]) * volts
-    sense_v, drive_v = ROOM * known["adc_sense_v"], ROOM * known["adc_drive_v"]
-    found = [
+    force_v = (rate + bias) / abs(math.cos(angle)) * abs(nominal["word_v_per_deg_s"]) * volts
+    sense_v, drive_v = ROOM * nominal["adc_sense_v"], ROOM * nominal["adc_drive_v"]
+    range_rows = [
         Range("force at the sense electrode", force_v, ROOM * n.sense_dac_span_v, "V", True, LOWER_FORCE),
         Range("force that holds the drive", abs(hold_v) * volts, HOLD_SHARE * n.drive_dac_span_v, "V", True, LOWER),
         Range(
             "quadrature and leaking rate against V_q's rail", quadrature + leak, ROOM * full, "deg/s", False, LOWER_V_Q
         ),
-        Range("leaking rate against V_q = 0", leak, ROOM * own, "deg/s", False, LOWER_LEAK),
+        Range("leaking rate against V_q = 0", leak, ROOM * null_dps, "deg/s", False, LOWER_LEAK),
         Range("drive signal at the converter", drive, drive_v, "V", True, LOWER_DRIVE),
         Range("rate at the sense converter, loop open", rate * code_v, sense_v, "V", True, LOWER_SENSE),
         Range("quadrature at the sense converter, loop open", quadrature * code_v, sense_v, "V", True, LOWER_SENSE),
     ]
     if target.gap_um is not None:
         most = target.gap_share * target.gap_um
-        moved = math.hypot(rate, quadrature) * um_per_dps
+        y_um = math.hypot(rate, quadrature) * um_per_dps
         x_um = config.firmware.amplitude_um * further
-        found.append(Range("displacement x against the gap", x_um, most, "um", True, LOWER))
-        found.append(Range("displacement y against the gap, loop open", moved, most, "um", True, LOWER))
-    return found
+        range_rows.append(Range("displacement x against the gap", x_um, most, "um", True, LOWER))
+        range_rows.append(Range("displacement y against the gap, loop open", y_um, most, "um", True, LOWER))
+    return range_rows
 
 
-def most_amplitude_um(found, amplitude_um):
+def most_amplitude_um(range_rows, amplitude_um):
     """(largest amplitude (um) that the ranges hold, name of the range that bounds it)."""
-    growing = [r for r in found if r.by_amplitude]
+    growing = [r for r in range_rows if r.by_amplitude]
     tightest = max(growing, key=lambda r: r.share)
     most = amplitude_um / tightest.share
     return (

@@ -25,7 +25,7 @@ import numpy as np
 from testbench.config import changed
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 
 E12 = (1.0, 1.2, 1.5, 1.8, 2.2, 2.7, 3.3, 3.9, 4.7, 5.6, 6.8, 8.2)
 CORNER_BY_SPLIT = 0.2, 1.2
@@ -95,15 +95,15 @@ def grid(p, *more_hz):
     )
 
 
-def opened(p, hz):
+def open_loop_response(p, hz):
     """`Opened` of the parts at frequencies (Hz)."""
     frame = lp.frame(p)
     a, b, codes, codes_b, word_in, _ = lp.assemble(frame, lp.gains(p), 0.0, 1.0, broken=True)
 
     def responses(z):
         both = np.broadcast_to(np.stack([word_in, b[:, lp.RATE]], axis=1), (len(z), len(a), 2))
-        found = codes[0] @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, both)
-        return found[:, 0], found[:, 1] + codes_b[0, lp.RATE]
+        response = codes[0] @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, both)
+        return response[:, 0], response[:, 1] + codes_b[0, lp.RATE]
 
     word, rate = responses(np.exp(2j * math.pi * hz * p.frame_s))
     # not 0 Hz itself: the opened integrator of u stands there
@@ -169,8 +169,8 @@ def gain_factors(tolerances):
 
 def board(config, sid_c_f, tolerances, *more_hz):
     """`Board` of a configuration; without tolerances it has no corners."""
-    p = parts(with_capacitor(config, sid_c_f))
-    o = opened(p, grid(p, *more_hz))
+    p = loop_parameters(with_capacitor(config, sid_c_f))
+    o = open_loop_response(p, grid(p, *more_hz))
     corners = []
     for split_by, sid_by in itertools.product((-1, 1), (-1, 1)) if tolerances else ():
         split_hz, sid_hz = (
@@ -178,7 +178,7 @@ def board(config, sid_c_f, tolerances, *more_hz):
             p.sid_hz / (1 + sid_by * tolerances.capacitor),
         )
         q = advisor.varied(p, split_hz=split_hz, sid_hz=sid_hz)
-        at = opened(q, grid(q))
+        at = open_loop_response(q, grid(q))
         corners += [(at, factor) for factor in gain_factors(tolerances)]
     return Board(sid_c_f, o, corners)
 
@@ -198,10 +198,10 @@ class Met(NamedTuple):
     bandwidth_hz: float
     peak_db: float
     modulus: float
-    kept: bool
+    is_satisfied: bool
 
 
-def point(b, zero_hz, at, limits):
+def evaluate_point(b, zero_hz, at, limits):
     """`Met` for a board, a zero and the grid point of the bandwidth; None where no gain gives that bandwidth."""
     o = b.nominal
     c = controller(o, zero_hz)
@@ -216,16 +216,16 @@ def point(b, zero_hz, at, limits):
     return Met(b, zero_hz, gain, float(o.hz[at]), peak, least, peak <= limits.peak_db and least >= limits.modulus)
 
 
-def kept(bands, bandwidth_hz, limits):
+def feasible_points(bands, bandwidth_hz, limits):
     """`Met` points of all boards and zeros at a bandwidth that keep the limits of the nominal board."""
-    found = []
+    points = []
     for b in bands:
         at = int(np.argmin(np.abs(b.nominal.hz - bandwidth_hz)))
         for zero_hz in ZEROS_BY_SPLIT * abs(b.nominal.p.split_hz):
-            met = point(b, float(zero_hz), at, limits)
-            if met and met.kept:
-                found.append(met)
-    return found
+            met = evaluate_point(b, float(zero_hz), at, limits)
+            if met and met.is_satisfied:
+                points.append(met)
+    return points
 
 
 def worst_modulus(met):
@@ -241,9 +241,9 @@ def best(mets, limits, nearly=NEARLY[0]):
 
     Of those within `nearly` of the most robust, the one with the fastest SID: start-up and drive loops wait for it.
     """
-    found = [(worst_modulus(m), m) for m in mets]
-    enough = max(nearly * max((worst for worst, _ in found), default=0.0), limits.modulus_at_corners)
-    ranked = sorted(found, key=lambda pair: (pair[0] < enough, pair[1].board.sid_c_f, -pair[0]))
+    rated = [(worst_modulus(m), m) for m in mets]
+    enough = max(nearly * max((worst for worst, _ in rated), default=0.0), limits.modulus_at_corners)
+    ranked = sorted(rated, key=lambda pair: (pair[0] < enough, pair[1].board.sid_c_f, -pair[0]))
     for worst, m in ranked:
         if worst < limits.modulus_at_corners:
             continue
@@ -256,10 +256,10 @@ def best(mets, limits, nearly=NEARLY[0]):
 
 def choose(config, bands, bandwidth_hz, limits, nearly=NEARLY[0]):
     """`Choice` for a bandwidth that the boards have at a grid point, or None if no point keeps the limits."""
-    found = best(kept(bands, bandwidth_hz, limits), limits, nearly)
-    if found is None:
+    best_pair = best(feasible_points(bands, bandwidth_hz, limits), limits, nearly)
+    if best_pair is None:
         return None
-    m, worst = found
+    m, worst = best_pair
     p = m.board.nominal.p
     per_hz = abs(p.word_ki) / p.frame_s / config.firmware.ftr_crossover_hz
     return Choice(m.board.sid_c_f, float(m.gain / per_hz), m.zero_hz, m.bandwidth_hz, m.peak_db, m.modulus, worst)
@@ -269,8 +269,10 @@ def most(bands, limits):
     """Largest bandwidth (Hz) of BANDWIDTHS_BY_SPLIT that keeps the limits; 0.0 if none of every COARSE does."""
     split = abs(bands[0].nominal.p.split_hz)
     falling = [float(ratio * split) for ratio in BANDWIDTHS_BY_SPLIT[::-1]]
-    first = next((k for k in range(0, len(falling), COARSE) if best(kept(bands, falling[k], limits), limits)), None)
+    first = next(
+        (k for k in range(0, len(falling), COARSE) if best(feasible_points(bands, falling[k], limits), limits)), None
+    )
     if first is None:
         return 0.0
     finer = falling[max(first - COARSE + 1, 0) : first]
-    return next((hz for hz in finer if best(kept(bands, hz, limits), limits)), falling[first])
+    return next((hz for hz in finer if best(feasible_points(bands, hz, limits), limits)), falling[first])

@@ -21,7 +21,7 @@ from analog_frontend.parts import sid
 from fpga_model import cordic, frequency_tracker, pi
 from testbench.config import changed
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import build
 from testbench.run.budget import budget
 
@@ -50,14 +50,14 @@ class _Drive:
         d, self.design = config.device(), config.design_record()
         self.frame_s = 1 / self.design.frame_hz
         gain = float(cordic.gain(self.design.cordic_iterations))
-        own = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
+        plant_config = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
         phases = budget(config)
         lag = math.radians(phases.node_deg()["xe1"] + phases.loop_deg()["xe2"])
-        self.gain = build.nominal(own)["plant_fs_per_s"] * gain * cmath.exp(-1j * lag)
+        self.gain = build.nominal(plant_config)["plant_fs_per_s"] * gain * cmath.exp(-1j * lag)
         self.fx_hz, self.decay = d.fx_hz, math.pi * d.fx_hz / d.qx
         self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * self.frame_s)
         self.a, self.o, self.past = 0j, [0j] * 3, [0j] * 2
-        sine_v, cosine_v = parts(config).sid_offset_v  # both pairs of channels have the same switches
+        sine_v, cosine_v = loop_parameters(config).sid_offset_v  # both pairs of channels have the same switches
         self.offset = complex(-cosine_v, sine_v) * d.adc_pga_drive / d.adc_vref_v * 2**23 * gain
 
     def step(self, word_hz, amplitude):
@@ -69,9 +69,9 @@ class _Drive:
         for n in range(3):
             self.o[n] += self.stage * (signal - self.o[n])
             signal = self.o[n]
-        seen = (self.past[0] + 4 * self.past[1] + signal) / 6
+        filtered = (self.past[0] + 4 * self.past[1] + signal) / 6
         self.past = [self.past[1], signal]
-        return seen + self.offset
+        return filtered + self.offset
 
 
 def _turns(z):
@@ -93,14 +93,14 @@ class _Pi:
 
 def _searched(p, drive, word_hz, kick):
     """(frames, correction Hz, magnitude): from the kick to the end of the search."""
-    seen = 0j
+    signal = 0j
     for n in range(p.kick + p.decay):
-        seen = drive.step(word_hz, kick if n < p.kick else 0)
+        signal = drive.step(word_hz, kick if n < p.kick else 0)
     rotation = 0.0
     for _ in range(p.search):
-        before, seen = seen, drive.step(word_hz, 0)
-        rotation += _turns(seen * before.conjugate())
-    return p.kick + p.decay + p.search, rotation / p.search / drive.frame_s, abs(seen)
+        before, signal = signal, drive.step(word_hz, 0)
+        rotation += _turns(signal * before.conjugate())
+    return p.kick + p.decay + p.search, rotation / p.search / drive.frame_s, abs(signal)
 
 
 def _drive_locked(p, control, drive, word_hz, setpoint):
@@ -110,12 +110,12 @@ def _drive_locked(p, control, drive, word_hz, setpoint):
     amplitude, offset, reached, good = 0.0, 0.0, None, [0, 0]
     per_hz = frequency_tracker.word_per_hz(drive.design)
     for n in range(2 * p.timeout):
-        seen = drive.step(word_hz + offset, amplitude)
-        error, phase = setpoint - abs(seen), _turns(seen) * 2**24
+        signal = drive.step(word_hz + offset, amplitude)
+        error, phase = setpoint - abs(signal), _turns(signal) * 2**24
         amplitude = agc.step(error, reached is not None)
         offset = pll.step(phase) / per_hz
         if reached is None:
-            if abs(seen) * 2**16 >= setpoint * p.reached:
+            if abs(signal) * 2**16 >= setpoint * p.reached:
                 reached = n
             elif n >= p.timeout:
                 return None, None
@@ -130,21 +130,21 @@ def _drive_locked(p, control, drive, word_hz, setpoint):
 
 def _sense_codes(config):
     """Yield |sine and cosine code| (BLOCK, 2) of the linear loops, frame by frame from BALANCE on."""
-    q = parts(config)
+    q = loop_parameters(config)
     frame, gains = lp.frame(q), lp.gains(q)
     a, b, codes, codes_b = lp.assemble(frame, gains)
     inputs = np.array([q.dxy_n_s_per_m / (2 * q.coriolis_mass_kg), q.kxy_n_per_m, *q.sid_offset_v])
     still = lp.Loop(*lp.assemble(frame, gains, 0.0, 0.0)[:2], None, None, None, q.frame_s)
     n = len(a)
     # constant inputs as one more state, so that a block of frames is one product
-    whole, seen = np.eye(n + 1), np.zeros((2, n + 1))
-    whole[:n, :n], whole[:n, n] = a, b @ inputs
-    seen[:, :n], seen[:, n] = codes, codes_b @ inputs
+    transition, output = np.eye(n + 1), np.zeros((2, n + 1))
+    transition[:n, :n], transition[:n, n] = a, b @ inputs
+    output[:, :n], output[:, n] = codes, codes_b @ inputs
     rows, power = [], np.eye(n + 1)
     for _ in range(BLOCK):
-        rows.append(seen @ power)
-        power = whole @ power
-    state = np.append(lp.rest(still, inputs), 1.0)
+        rows.append(output @ power)
+        power = transition @ power
+    state = np.append(lp.steady_state(still, inputs), 1.0)
     for _ in range(round(LIMIT_S / q.frame_s / BLOCK)):
         yield np.abs(np.stack(rows) @ state)
         state = power @ state
@@ -157,8 +157,8 @@ def _balanced(p, config):
         for codes in block:
             for k in range(2):
                 good[k] = good[k] + 1 if codes[k] <= p.lock.limit_in[2 + k] else 0
-                held = locked[k] and codes[k] <= p.lock.limit_out[2 + k]
-                locked[k] = held or good[k] >= p.lock.frames_in[2 + k]
+                stays_locked = locked[k] and codes[k] <= p.lock.limit_out[2 + k]
+                locked[k] = stays_locked or good[k] >= p.lock.frames_in[2 + k]
             if all(locked):
                 return n
             n += 1
@@ -172,26 +172,26 @@ class Driven(NamedTuple):
     frames: int
 
 
-def driven(config):
+def drive_start_up(config):
     """`Driven` of the board [plant]: from power-on to the lock of the drive."""
     control = build.firmware(config).control
     p, setpoint = control.sequencer, _setpoint(config)
     drive = _Drive(config)
     word_hz = config.firmware.nominal_frequency_hz
-    taken, found_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
-    first = StartUp(found_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
+    search_frames, correction_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
+    first = StartUp(correction_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
     limit_hz = p.search_limit / frequency_tracker.word_per_hz(drive.design)
     if magnitude < p.min_magnitude:
         needed = p.min_magnitude / setpoint * config.firmware.amplitude_um
         text = f"search: signal of {first.magnitude_um:.3g} um is below {needed:.3g} um (firmware.search_min_v)"
         return Driven(first._replace(failure=text), 0)
-    if abs(found_hz) > limit_hz:
-        text = f"search: correction of {found_hz:.4g} Hz is above firmware.search_limit_hz = {limit_hz:.4g} Hz"
+    if abs(correction_hz) > limit_hz:
+        text = f"search: correction of {correction_hz:.4g} Hz is above firmware.search_limit_hz = {limit_hz:.4g} Hz"
         return Driven(first._replace(failure=text), 0)
-    word_hz += found_hz
+    word_hz += correction_hz
     for _ in range(p.retune):
         drive.step(word_hz, 0)
-    frames = p.power_up + p.init + p.recover + BETWEEN_STATES + taken + p.retune
+    frames = p.power_up + p.init + p.recover + BETWEEN_STATES + search_frames + p.retune
     reached, settled = _drive_locked(p, control, drive, word_hz, setpoint)
     if settled is None:
         state = (
@@ -215,7 +215,7 @@ def completed(before, config):
 
 def predict(config):
     """`StartUp` of the board [plant] with the firmware of [nominal]."""
-    return completed(driven(config), config)
+    return completed(drive_start_up(config), config)
 
 
 def _setpoint(config):
@@ -230,7 +230,7 @@ def corners(config):
     """
     n = config.nominal
     root = math.sqrt(n.q_tolerance)
-    found = []
+    configs = []
     for f, fast, capacitor in itertools.product((-1, 1), (-1, 1), (-1, 1)):
         fx = n.fx_hz * (1 + f * n.f_tolerance)
         split = (n.fx_hz - n.fy_hz) * (1 - fast * n.split_tolerance)
@@ -241,13 +241,13 @@ def corners(config):
         ):
             values |= {name: getattr(n, name) * (1 + sign * n.transducer_tolerance) for name in names}
         values |= {name: getattr(n, name) * root ** (-f) for name in ("qx", "qy")}
-        found.append(changed(config, {f"plant.{key}": value for key, value in values.items()}))
-    return found
+        configs.append(changed(config, {f"plant.{key}": value for key, value in values.items()}))
+    return configs
 
 
-def slowest(found):
+def slowest(start_ups):
     """The latest lock of some start-ups; one that fails is later than all."""
-    return max(found, key=lambda s: math.inf if s.lock_s is None else s.lock_s)
+    return max(start_ups, key=lambda s: math.inf if s.lock_s is None else s.lock_s)
 
 
 def promised_s(start_up):

@@ -24,7 +24,7 @@ from testbench.engines import engine, frame
 from testbench.engines.baseband_frames import frames
 from testbench.engines.baseband_setup import RATE_LIMIT_DEG_S, setup
 from testbench.engines.baseband_state import give_state, slow, take_state
-from testbench.engines.frame import begin, enter, leave, onward, put_down
+from testbench.engines.frame import advance_blocks, begin_blocks, enter_block_mode, exit_block_mode, store_control
 from testbench.engines.pins import buffers
 from testbench.engines.turn import WIDEST, phase_at, widened
 from testbench.errors import ConfigError
@@ -47,15 +47,15 @@ def _ready(p, u, g, clock, tick):
 def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
     """A chunk; returns firmware, chips, clock of DRDY, tick of a failed flush or 0, and a frequency word
     too far from resonance or 0."""
-    f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
+    f, chips, drdy_cycle, tick = enter_block_mode(p, f, chips, a, chunk, end, drdy_cycle)
     if tick == end:
         return f, chips, drdy_cycle, ZERO, ZERO
     d, frame_ticks = p.fpga.design, p.fpga.design.frame_ticks
-    g = begin(p, f, chips, a, chunk.faults, tick, drdy_cycle, w)
+    g = begin_blocks(p, f, chips, a, chunk.faults, tick, drdy_cycle, w)
     last = (end // frame_ticks - TAIL_FRAMES) * frame_ticks
     far = ZERO
     while tick < last - frame_ticks:
-        g, tick = onward(p, a, chunk, g, tick, end, (tick // frame_ticks + 1) * frame_ticks, w)
+        g, tick = advance_blocks(p, a, chunk, g, tick, end, (tick // frame_ticks + 1) * frame_ticks, w)
         if _ready(p, u, g, a.adc.clock, tick):
             take_state(p, u, b, g, a, tick)
             c, bank, turn, quadrature, old, new, tick = frames(
@@ -78,31 +78,33 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
             far = ZERO if tick == last else widened(d, turn.word)
             g = give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w)
             break
-    g, tick = onward(p, a, chunk, g, tick, end, end, w)
-    f, chips, drdy_cycle, failed = leave(p, put_down(d, f, chips, g, tick, chunk.faults.status), a, chunk, end)
+    g, tick = advance_blocks(p, a, chunk, g, tick, end, end, w)
+    f, chips, drdy_cycle, failed = exit_block_mode(
+        p, store_control(d, f, chips, g, tick, chunk.faults.status), a, chunk, end
+    )
     return f, chips, drdy_cycle, failed, far
 
 
-class _Kept(threading.local):
+class _RecentSetups(threading.local):
     """(parameters, Setup, Slow) of the gyroscopes that a thread has run last: several may take turns."""
 
     def __init__(self):
         self.last = collections.deque(maxlen=8)
 
 
-_KEPT = _Kept()
+_RECENT_SETUPS = _RecentSetups()
 
 
-def prepare(p, made=None):
+def prepare(p, existing_setup=None):
     """(Setup, Slow) of engine.Params, made once while few take turns; `made`: a Setup that is at hand.
 
     ConfigError outside the averaged plant's validity.
     """
-    for params, u, b in _KEPT.last:
+    for params, u, b in _RECENT_SETUPS.last:
         if params is p:
             return u, b
-    u, b = made or setup(p), slow()
-    _KEPT.last.append((p, u, b))
+    u, b = existing_setup or setup(p), slow()
+    _RECENT_SETUPS.last.append((p, u, b))
     return u, b
 
 

@@ -53,9 +53,9 @@ def _tilde(u, cubic, poles):
     gr, gi = u.rc_frames * poles[0], u.rc_frames * poles[1]
     v1, v2, v3 = load4(cubic, 4), load4(cubic, 8), load4(cubic, 12)
     # RC p V' in the mean of the frame
-    late = _by((v1 + v2) + v3, gr, gi)
-    store4(cubic, 16, _by(late, poles[2], poles[3]))
-    store4(cubic, 20, _by(late, 2.0 * poles[4], 2.0 * poles[5]))
+    mean_slope = _by((v1 + v2) + v3, gr, gi)
+    store4(cubic, 16, _by(mean_slope, poles[2], poles[3]))
+    store4(cubic, 20, _by(mean_slope, 2.0 * poles[4], 2.0 * poles[5]))
     v2 = v2 - _by(v3 * 3.0, gr, gi)
     v1 = v1 - _by(v2 * 2.0, gr, gi)
     store4(cubic, 0, load4(cubic, 0) - _by(v1, gr, gi))
@@ -64,23 +64,23 @@ def _tilde(u, cubic, poles):
 
 
 @inner
-def _row(p, rom, u, c, bank, phase, word, codes, quadrature, z, temp_degc, rate_rad_s, frames, truth, row):
+def _record_row(p, rom, u, c, bank, phase, word, codes, quadrature, z, temp_degc, rate_rad_s, frames, truth, row):
     """One row of both streams; the DAC codes are those that words and phase have made in the last ticks."""
     if row >= frames.shape[0]:
         return
     d = p.design
-    late = narrowed(d, phase - u.drive_late * word)
+    dac_phase = narrowed(d, phase - u.drive_late * word)
     amplitude = control.amplitude(p.control, c)
-    y = sine.at(d, rom, wrap_unsigned(late + bank.phase_drive_sine, d.dds_bits))
-    drive = modulator.at(p.drive_modulator, amplitude, y)
-    late = narrowed(d, phase - u.sense_late * word)
-    y = sine.at(d, rom, wrap_unsigned(late + bank.phase_sense_sine, d.dds_bits))
-    sense = modulator.at(p.sense_modulator, c.rate_loop.loop.y, y)
+    y = sine.phase_sine(d, rom, wrap_unsigned(dac_phase + bank.phase_drive_sine, d.dds_bits))
+    drive = modulator.dac_code(p.drive_modulator, amplitude, y)
+    dac_phase = narrowed(d, phase - u.sense_late * word)
+    y = sine.phase_sine(d, rom, wrap_unsigned(dac_phase + bank.phase_sense_sine, d.dds_bits))
+    sense = modulator.dac_code(p.sense_modulator, c.rate_loop.loop.y, y)
     engine.record_frame(frames[row], truth[row], c, codes, drive, sense, quadrature, z, temp_degc, rate_rad_s)
 
 
 @inner
-def _drawn(p, u, b, tick, end, count, clock, sums):
+def _draw_noise(p, u, b, tick, end, count, clock, sums):
     """The noise of the next batch of frames, `count` at most, behind that up to place `end`. Mutates `b`."""
     d, count = b.drawn, min(u.batch_mask + 1, count)
     averaged_noise.integrate(b.q, 4 * NOISE, d, end, -1.0)
@@ -91,10 +91,10 @@ def _drawn(p, u, b, tick, end, count, clock, sums):
 
 
 @inner
-def _moved(p, u, b, c, bank, tick, batch, rate, temp, words, turn_phase, cos, sin):
+def _advance_modes(p, u, b, c, bank, tick, batch, rate, temp, words, turn_phase, cos, sin):
     """Both modes through a frame; `words` of the DDS before and after its turn. Mutates `b`."""
     word_old, word = words
-    volts = averaged_codes.rounded(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
+    volts = averaged_codes.rounded_fundamental(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
     d = p.fpga.design
     drive = turned_force(volts, widened(d, bank.phase_drive_sine))
     sense = turned_force(rate_volts(u, c), widened(d, bank.phase_sense_sine))
@@ -135,15 +135,17 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         batch = n & u.batch_mask
         if batch == 0:
             end = drawn.begin[0] + u.frame_samples * (u.batch_mask + 1) if n > 0 else 0.0
-            _drawn(p, u, b, tick, end, count - n, clock, sums)
+            _draw_noise(p, u, b, tick, end, count - n, clock, sums)
         rate, temp = chunk.rate_rad_s[first + n], chunk.temp_degc[first + n]
         v_q = quadrature * p.plant.quad_lsb_v
         motion(now, m, cos, sin, b.z, plant.X)
-        averaged_modes.retune(
+        averaged_modes.retune_tables(
             u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, m, rate, v_q * v_q, temp, cos, sin, b.z, plant.X
         )
         o = chunk.o
-        _row(p.fpga, p.rom, u, c, bank, phase, word, old, quadrature, b.z, temp, rate, o.frames, o.truth, first_row + n)
+        _record_row(
+            p.fpga, p.rom, u, c, bank, phase, word, old, quadrature, b.z, temp, rate, o.frames, o.truth, first_row + n
+        )
         # the window
         word_old = word
         i = control.Inputs(new[0], new[1], new[2], new[3], new[4], ONE, ZERO)
@@ -154,7 +156,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         after = (turn_phase + (u.frame_clocks - turn_clock) * word) & TURN_MASK
         # the plant
         cos, sin = unit(after)
-        _moved(p, u, b, c, bank, tick, batch, rate, temp, (word_old, word), turn_phase, cos, sin)
+        _advance_modes(p, u, b, c, bank, tick, batch, rate, temp, (word_old, word), turn_phase, cos, sin)
         poles = poles_at(u, word)
         _tilde(u, b.cubic, poles)
         before, after_turn = (phase, word_old), (turn_clock, turn_phase, word)

@@ -69,7 +69,7 @@ class Setup(NamedTuple):
     frame_samples: float
 
 
-def _refuse(key, text):
+def _raise_unsupported(key, text):
     raise ConfigError(f'{key}: {text}; scenario.engine = "baseband" cannot run it, "frame" can')
 
 
@@ -87,41 +87,49 @@ def check(p):
     """ConfigError for what is outside the validity of the averaged plant; engine.Params."""
     a, t, d = p.plant, p.plant.tables, p.fpga.design
     if p.fpga.digital:
-        _refuse('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
+        _raise_unsupported('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
     if p.fpga.paths is not None:
-        _refuse("firmware.*_sine_registers, *_code_registers", "they are not 0, their only value here")
+        _raise_unsupported("firmware.*_sine_registers, *_code_registers", "they are not 0, their only value here")
     if a.adc.period * a.adc.decimation != d.frame_ticks * a.adc.tick_units:
-        _refuse("firmware.adc_clock, plant.adc_decimation", f"a conversion is not one frame of {1e6 / d.frame_hz:g} us")
+        _raise_unsupported(
+            "firmware.adc_clock, plant.adc_decimation", f"a conversion is not one frame of {1e6 / d.frame_hz:g} us"
+        )
     for name, part, levels in (("drive", a.drive_dac, a.drive_levels), ("sense", a.sense_dac, a.sense_levels)):
         for field, value in (("bow", part.bow), ("glitch_v_s", part.glitch_v_s)):
             if value:
-                _refuse(f"plant.{name}_dac_{field}", f"{value:g} is not 0")
+                _raise_unsupported(f"plant.{name}_dac_{field}", f"{value:g} is not 0")
         if levels.on:
-            _refuse(
+            _raise_unsupported(
                 f"effects.{name}_dac_levels",
                 "it is not [], its only value here: a level's error needs the code of every tick",
             )
     for field in ("turnover", "gain_tc_per_k", "memory", "curve"):
         largest = max(map(abs, getattr(a.adc, field)))
         if largest:
-            _refuse(f"effects.adc_{field}", f"{largest:g} is not 0, the only value of the averaged plant's converter")
+            _raise_unsupported(
+                f"effects.adc_{field}", f"{largest:g} is not 0, the only value of the averaged plant's converter"
+            )
     if (a.switch_tau_s[0] != a.switch_tau_s[1]).any():
-        _refuse("plant.sid_fall_s", "it is not 0, its only value here: both edges of a reference must act alike")
+        _raise_unsupported(
+            "plant.sid_fall_s", "it is not 0, its only value here: both edges of a reference must act alike"
+        )
     jitter = a.noise.edge_jitter
     if jitter.on and jitter.sigma > JITTER_LIMIT_S:
-        _refuse("plant.clock_jitter_s", f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, what may be left out")
+        _raise_unsupported(
+            "plant.clock_jitter_s", f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, what may be left out"
+        )
     (fx, wide_x), (fy, wide_y) = _mode_hz(t, 0), _mode_hz(t, 2)
     lo, hi = drive_hz(d, _valid(p) + SLOT_WORD + 1)
     if not lo <= fx <= hi:
-        _refuse("plant.fx_hz", f"{fx:g} Hz is outside {lo:g} .. {hi:g} Hz")
+        _raise_unsupported("plant.fx_hz", f"{fx:g} Hz is outside {lo:g} .. {hi:g} Hz")
     if not abs(fy - fx) <= SPLIT * d.frame_hz:
-        _refuse("plant.fy_hz", f"{fy:g} Hz is more than {SPLIT * d.frame_hz:g} Hz from the drive mode")
+        _raise_unsupported("plant.fy_hz", f"{fy:g} Hz is more than {SPLIT * d.frame_hz:g} Hz from the drive mode")
     for key, wide in (("plant.qx", wide_x), ("plant.qy", wide_y)):
         if not wide <= RING * d.frame_hz:
-            _refuse(key, f"a half width of {wide:g} Hz is above {RING * d.frame_hz:g} Hz")
+            _raise_unsupported(key, f"a half width of {wide:g} Hz is above {RING * d.frame_hz:g} Hz")
     corner, limit = 1 / (4 * math.pi * float(t.sid_rc_s[0])), min(CORNER * d.frame_hz, CORNER_PART * fx)
     if not corner <= limit:
-        _refuse("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {limit:g} Hz")
+        _raise_unsupported("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {limit:g} Hz")
 
 
 def drive_hz(d, turn_clock):
@@ -138,30 +146,30 @@ def _valid(p):
     # the last load of V_q of the frame takes what the window has left
     loaded = p.fpga.design.tick_clocks * last_load_tick(p.fpga)
     if not 0 < valid < min(clocks - 2 * rates.SLOTS, loaded - rates.SLOTS):
-        _refuse("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
+        _raise_unsupported("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
     return valid
 
 
-def _late(f):
+def _dac_delay_ticks(f):
     """Ticks by which the outputs of both DACs follow their loads; fpga.Params."""
-    return tuple(spi_dac.late_ticks(f.design, part, spi_dac.LOAD_TICK) for part in (f.drive_dac, f.sense_dac))
+    return tuple(spi_dac.update_delay_ticks(f.design, part, spi_dac.LOAD_TICK) for part in (f.drive_dac, f.sense_dac))
 
 
 def _lags(p, valid):
     """averaged.Lags of a firmware whose converter's frame is valid at clock `valid` of a frame."""
     t, f, d = p.plant.tables, p.fpga, p.fpga.design
     drive_clock, sense_clock = dac_clocks(f)
-    late = _late(f)
+    dac_ticks = _dac_delay_ticks(f)
     # the first tick whose product takes the words of this window
     changed = next(k for k in range(d.frame_ticks) if d.tick_clocks * k - 1 - valid > SLOT_PI)
     code, change = [], []
-    for frames_late, clock, carry in (
-        (f.drive_modulator.frames + late[0], drive_clock, t.drive_carry[0]),
-        (f.sense_modulator.frames + late[1], sense_clock, t.sense_carry[0]),
+    for load_ticks, clock, carry in (
+        (f.drive_modulator.frames + dac_ticks[0], drive_clock, t.drive_carry[0]),
+        (f.sense_modulator.frames + dac_ticks[1], sense_clock, t.sense_carry[0]),
     ):
-        ticks_late = frames_late + int(carry[clock])
-        code.append((SINE_CLOCKS + f.pipe.depth) / d.tick_clocks + ticks_late)
-        change.append(changed + ticks_late + clock / d.tick_clocks)
+        output_ticks = load_ticks + int(carry[clock])
+        code.append((SINE_CLOCKS + f.pipe.depth) / d.tick_clocks + output_ticks)
+        change.append(changed + output_ticks + clock / d.tick_clocks)
     turn = (valid + SLOT_WORD + 1) / d.tick_clocks
     return averaged.Lags(
         d.tick_clocks, d.frame_ticks, d.frame_hz, tuple(code), (drive_clock, sense_clock), tuple(change), turn
@@ -207,16 +215,16 @@ def setup(p):
     rc_ticks = float(t.sid_rc_s[0]) / tick_s
     sid = _demodulators(p, word0, turns_per_tick / tick_s, middle, spread)
     # re-timed edges wait half a tick in the mean
-    late = sid.delay + sid.switch + (d.tick_clocks - 1) / 2 * sid.retimed
+    edge_delay = sid.delay + sid.switch + (d.tick_clocks - 1) / 2 * sid.retimed
     # chords of the sine's table make its amplitude smaller by step^2 / 12
     table_gain = 1.0 - (math.pi / 2 / (1 << d.sine_address_bits)) ** 2 / 12
     drive, sense = (
-        part.lsb_v * sine.OUT.at(d).hi * table_gain / 2.0**modulator.shift
+        part.lsb_v * sine.OUT.for_design(d).hi * table_gain / 2.0**modulator.shift
         for part, modulator in ((p.plant.drive_dac, f.drive_modulator), (p.plant.sense_dac, f.sense_modulator))
     )
-    drive_late, sense_late = (
+    drive_clocks, sense_clocks = (
         d.tick_clocks * (1 + modulator.frames + ticks) + SINE_CLOCKS + f.pipe.depth
-        for modulator, ticks in zip((f.drive_modulator, f.sense_modulator), _late(f))
+        for modulator, ticks in zip((f.drive_modulator, f.sense_modulator), _dac_delay_ticks(f))
     )
     force = averaged_noise.table(tables.force)
     frames, samples = averaged_noise.batch(force, d.frame_ticks)
@@ -234,10 +242,10 @@ def setup(p):
         rc_ticks,
         rc_ticks / d.frame_ticks,
         tick_s / d.tick_clocks,
-        drive_late,
-        sense_late,
+        drive_clocks,
+        sense_clocks,
         averaged_laws.design(
-            p.plant.effects, p.plant.laws, averaged_laws.reference_turns(late, word0), d.tick_clocks * word0
+            p.plant.effects, p.plant.laws, averaged_laws.reference_turns(edge_delay, word0), d.tick_clocks * word0
         ),
         round(d.tick_clocks * changes[0]) - turn,
         (math.cos(later), math.sin(later)),

@@ -107,7 +107,7 @@ def rate_volts(u, c):
     """Amplitude (V) of what the sense DAC puts out, with the sign of the rate word; control.State."""
     volts = c.rate_loop.loop.y * u.sense_volts
     if u.sense_lsb_v > 0.0:
-        volts = math.copysign(averaged_codes.rounded(abs(volts), u.sense_lsb_v), volts)
+        volts = math.copysign(averaged_codes.rounded_fundamental(abs(volts), u.sense_lsb_v), volts)
     return volts
 
 
@@ -129,14 +129,14 @@ def take_state(p, u, b, g, a, tick):
     now[NOW_TEMP] = np.inf
     for k in range(8):
         m[k] = 0.0
-    averaged_modes.fixed(
+    averaged_modes.set_tables(
         u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, a.now[plant.NOW_RATE], stiffness, a.now[plant.NOW_TEMP]
     )
     bank, design = g.s.bank, p.fpga.design
     ref_drive, ref_sense = widened(design, bank.phase_drive_ref), widened(design, bank.phase_sense_ref)
     averaged_sid.bases(ref_drive, ref_sense, b.base)
     amplitude = control.amplitude(p.fpga.control, g.s.control)
-    volts = averaged_codes.rounded(amplitude * u.drive_volts, u.drive_lsb_v)
+    volts = averaged_codes.rounded_fundamental(amplitude * u.drive_volts, u.drive_lsb_v)
     m[F], m[F + 1] = turned_force(volts, widened(design, bank.phase_drive_sine))
     sense_volts = rate_volts(u, g.s.control)
     m[F + 2], m[F + 3] = turned_force(sense_volts, widened(design, bank.phase_sense_sine))
@@ -170,10 +170,10 @@ def take_state(p, u, b, g, a, tick):
         q[4 * SIGN + d] = 1.0 if ref else -1.0
         # an edge that the phase has made but the switch has not followed yet
         offset = (ref_sense if c else ref_drive) + ((HALF >> 1) if d & 1 else 0)
-        left = (phase + offset) & HALF_MASK
-        t = lane(averaged_sid.switched(u.sid, splat4(-float(left // word))), 0)
+        phase_past_edge = (phase + offset) & HALF_MASK
+        t = lane(averaged_sid.switch_clock(u.sid, splat4(-float(phase_past_edge // word))), 0)
         q[4 * WAITING + d] = t if t >= 0.0 else -1.0
-        q[4 * PAST + d] = t * word + left
+        q[4 * PAST + d] = t * word + phase_past_edge
 
 
 @outlined
@@ -226,8 +226,8 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
     pins.dac_codes(p.fpga, p.rom, bank, turn, tick - RECENT, RECENT, w)
     drive, sense = a.work.drive_codes, a.work.sense_codes
     enabled, staged = pins.words_of_ticks(p.fpga, drive, sense, RECENT, g.enabled, g.staged, False, w)
-    _put_out(a, plant.DRIVE, p.plant.drive_dac, p.plant.tables.drive_carry[0, a.cycles[plant.DRIVE]], drive)
-    _put_out(a, plant.SENSE, p.plant.sense_dac, p.plant.tables.sense_carry[0, a.cycles[plant.SENSE]], sense)
+    _set_dac_output(a, plant.DRIVE, p.plant.drive_dac, p.plant.tables.drive_carry[0, a.cycles[plant.DRIVE]], drive)
+    _set_dac_output(a, plant.SENSE, p.plant.sense_dac, p.plant.tables.sense_carry[0, a.cycles[plant.SENSE]], sense)
     a.adc.clock[adc.DUE], a.adc.clock[adc.SAMPLE], a.adc.clock[adc.PENDING] = 0, 0, adc.NOT_PENDING
     for k in range(adc.CHANNELS):
         a.adc.sums[k, 0] = 0.0
@@ -254,7 +254,7 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
 
 
 @inner
-def _put_out(a, which, part, carry, codes):
+def _set_dac_output(a, which, part, carry, codes):
     """What a DAC holds after its last codes. Mutates `a`."""
     last = dac.volts(part, codes[RECENT - 1])
     a.codes[which] = codes[RECENT - 1]

@@ -24,7 +24,7 @@ from fpga_model.jit import inlined, inner, outlined
 from fpga_model.rates import SLOTS
 from testbench.engines import engine, pins, window
 from testbench.engines.flush import CHANNEL_MASK, FLUSH
-from testbench.engines.turn import steady, still
+from testbench.engines.turn import drop_history, still
 from testbench.engines.window import HISTORY, Window, last_load_tick, valid_clocks
 
 DUMP_CLOCKS = digital_sid.LATENCY
@@ -53,7 +53,7 @@ class BlockState(NamedTuple):
 
 
 @inner
-def take_up(p, f, chips, tick, drdy_cycle):
+def load_control(p, f, chips, tick, drdy_cycle):
     """What a quiet firmware carries."""
     d = p.design
     quadrature = chips.quadrature.code if tick % d.frame_ticks == 0 else f.control.quadrature_loop.root.y
@@ -108,7 +108,7 @@ def busy_ticks(d):
 
 
 @inlined
-def near_clocks(d):
+def quiet_margin_clocks(d):
     """`last_quiet` is never earlier than this before an end: twice the longer of `busy_ticks`, and the tick begun."""
     return 2 * (valid_clocks(d) + max(SLOTS, d.adc_tail_clocks) + d.tick_clocks * (FLUSH + 4))
 
@@ -135,7 +135,7 @@ def ticks_to_event(d, converter, clock, silent, g, tick, end):
     clocks, frame_ticks = d.tick_clocks, d.frame_ticks
     until = tick + min(frame_ticks - tick % frame_ticks, linear.BLOCK)
     # divisions only where an event may come first: one by a number that is not known when this is compiled is slow
-    if clocks * (end - until) < near_clocks(d):
+    if clocks * (end - until) < quiet_margin_clocks(d):
         stop = last_quiet(d, end, ready)
         if tick >= stop:
             return tick
@@ -156,11 +156,11 @@ def codes_at(p, g, tick):
 
 
 @inner
-def _loaded(p, s, tick, known, n):
+def _loaded(p, s, tick, window_ticks, n):
     """Code of V_q's DAC at the frame's end, after ticks `known` .. `n` - 1 of a block outside of a window."""
     first = tick % p.design.frame_ticks  # a block ends with the frame
     # the low bits of a tick in which V_q is sent are all ones
-    due = (first + known) | rates.quadrature_mask(p.design, p.quadrature_fast)
+    due = (first + window_ticks) | rates.quadrature_mask(p.design, p.quadrature_fast)
     return s.control.quadrature_loop.root.y if due < first + n and due <= last_load_tick(p) else s.quadrature
 
 
@@ -196,7 +196,7 @@ def await_frame(p, g, tick):
 
 
 @inner
-def play(p, g, tick, n, sar, b):
+def advance_control(p, g, tick, n, sar, b):
     """The 8 kHz side over the window of a block, the FPGA's own demodulator, and the ticks in which words are known.
 
     sar  the two samples of the demodulator. Mutates `b`
@@ -212,8 +212,10 @@ def play(p, g, tick, n, sar, b):
             window_at = at + DUMP_CLOCKS
     elif g.valid < at + p.design.tick_clocks:
         window_at = g.valid
-    s, known = window.play(p, s, sid, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
-    return s, sid, known
+    s, window_ticks = window.advance_window(
+        p, s, sid, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b
+    )
+    return s, sid, window_ticks
 
 
 @inner
@@ -222,26 +224,26 @@ def before_ticks(p, rom, g, faults, tick, n, sar, drive_codes, sense_codes, b):
 
     sar  as for `played`. Mutates both codes (those at the end of each tick) and `b`
     """
-    s, sid, known = g.s, g.sid, 0
+    s, sid, window_ticks = g.s, g.sid, 0
     if await_frame(p, g, tick):
-        s, sid, known = play(p, g, tick, n, sar, b)
-    return words_of_ticks(p, rom, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b)
+        s, sid, window_ticks = advance_control(p, g, tick, n, sar, b)
+    return words_of_ticks(p, rom, g, s, sid, window_ticks, faults, tick, n, drive_codes, sense_codes, b)
 
 
 @inner
-def words_of_ticks(p, rom, g, s, sid, known, faults, tick, n, drive_codes, sense_codes, b):
+def words_of_ticks(p, rom, g, s, sid, window_ticks, faults, tick, n, drive_codes, sense_codes, b):
     """The second half of `ahead`: what the pins show, of the 8 kHz side `s`, whose first `known` ticks are in `b`."""
     amplitude, rate = control.amplitude(p.control, s.control), s.control.rate_loop.loop.y
     init = sequencer.outputs(s.control.sequencer).dac_init
     for k in range(n):
         # a test instead of a shorter range, which would keep LLVM from writing eight at a time
-        if k >= known:
+        if k >= window_ticks:
             b.amplitude[k] = amplitude
             b.rate[k] = rate
             b.control_load[HISTORY + k] = init
-    s = s._replace(dog=_aged(p.watchdog, s.dog, n - known), quadrature=_loaded(p, s, tick, known, n))
+    s = s._replace(dog=_aged(p.watchdog, s.dog, n - window_ticks), quadrature=_loaded(p, s, tick, window_ticks, n))
     pins.dac_codes(p, rom, s.bank, s.turn, tick, n, b)
-    mixed = known > 0 or init == 1
+    mixed = window_ticks > 0 or init == 1
     enabled, staged = pins.words_of_ticks(p, drive_codes, sense_codes, n, g.enabled, g.staged, mixed, b)
     drive_code, sense_code = drive_codes[n - 1], sense_codes[n - 1]
     if faults.dac[0] or faults.dac[1]:
@@ -276,5 +278,5 @@ def after_ticks(d, g, faults, clock, tick, until, fell, sid):
         g = g._replace(falls=fell_at, valid=fell_at + valid_clocks(d), coming=coming, new_ok=new_ok)
     turn = g.s.turn
     if at + span - turn.clock > 64:
-        turn = steady(turn, at + span)
+        turn = drop_history(turn, at + span)
     return g._replace(sid=sid, s=g.s._replace(turn=turn), drdy_cycle=drdy_cycle)

@@ -43,7 +43,7 @@ QUADRATURE_BITS = 16
 GENERIC_KEYS = ("frame_bits", "command", "tail_bits", "lead_clocks", "latch")
 
 
-def generic(bits, signed=True, frame_bits=0, command=0, tail_bits=0, lead_clocks=0, latch="SYNC"):
+def generic_dac(bits, signed=True, frame_bits=0, command=0, tail_bits=0, lead_clocks=0, latch="SYNC"):
     """A DAC of any frame: command, code and `tail_bits` that it ignores, most significant bit first.
 
     frame_bits  0 for that of the code and the tail alone
@@ -76,20 +76,20 @@ def generic(bits, signed=True, frame_bits=0, command=0, tail_bits=0, lead_clocks
     return Chip(GENERIC, bits, master, part, GENERIC_HZ, GENERIC_HIGH_S)
 
 
-def _of_role(design, role, bits):
+def _role_chip(design, role, bits):
     """The DAC of a role, its SCLK divided."""
     name = getattr(design, f"{role}_dac")
     chip = NAMED.get(name)
     if name == GENERIC:
         keys = {key: getattr(design, f"{role}_dac_{key}") for key in GENERIC_KEYS}
-        chip = generic(bits, role != "quadrature", **keys)
+        chip = generic_dac(bits, role != "quadrature", **keys)
     return chip._replace(master=chip.master._replace(gap=getattr(design, f"{role}_dac_divider") - 1))
 
 
-def of(design):
+def design_chips(design):
     """`Chips` of a [design] section."""
     bits = Chips(design.drive_dac_bits, design.sense_dac_bits, QUADRATURE_BITS)
-    return Chips(*(_of_role(design, role, n) for role, n in bits._asdict().items()))
+    return Chips(*(_role_chip(design, role, n) for role, n in bits._asdict().items()))
 
 
 def parts(chips):

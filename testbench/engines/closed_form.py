@@ -87,11 +87,11 @@ def close_loops(d, p, s, i, bank):
     """
     if d.accumulator_fraction_bits == ACCUMULATOR_FRACTION:
         return _closed(d._replace(accumulator_fraction_bits=ACCUMULATOR_FRACTION), p, s, i, bank)
-    return _closed_apart(d, p, s, i, bank)
+    return _closed_outlined(d, p, s, i, bank)
 
 
 @outlined
-def _closed_apart(d, p, s, i, bank):
+def _closed_outlined(d, p, s, i, bank):
     return _closed(d, p, s, i, bank)
 
 
@@ -126,6 +126,6 @@ def _closed(d, p, s, i, bank):
     f = frequency_tracker.step(d, p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
     q = quadrature_loop.step(d, p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
     n = control.filtered(p.notch, s.notch, 1, r.loop.y)
-    given = control.rate_word(n, r.loop.y)
-    out = rate_output.step(control.output_params(bank), s.rate_output, 1, given, i.temperature)
+    rate_word = control.rate_word(n, r.loop.y)
+    out = rate_output.step(control.output_params(bank), s.rate_output, 1, rate_word, i.temperature)
     return s._replace(agc=a, frequency_tracker=f, rate_loop=r, quadrature_loop=q, rate_output=out, notch=n), word

@@ -21,7 +21,7 @@ from analog_frontend import top as plant
 from analog_frontend.parts import adc, adc_serial, dac_serial
 from fpga_model import block, dds, references
 from fpga_model import top as fpga
-from fpga_model.fixed import bits, clamp, signed, wrap
+from fpga_model.fixed import bits, clamp, signed_bits, wrap
 from fpga_model.jit import hot, inner, outlined
 from testbench.engines import chips as board
 from testbench.flatten import store
@@ -29,7 +29,7 @@ from testbench.flatten import store
 MAX_EDGES = plant.MAX_EDGES
 CODES = adc.CODES
 WORD_BITS = 24
-CODE_LO, CODE_HI = signed(WORD_BITS).lo, signed(WORD_BITS).hi
+CODE_LO, CODE_HI = signed_bits(WORD_BITS).lo, signed_bits(WORD_BITS).hi
 # typed: Numba compiles a function anew for every constant that it is called with
 ZERO = np.int64(0)
 
@@ -84,23 +84,23 @@ STUCK, FROZEN, OFFSET, GAIN, SWAPPED = range(1, len(WRONG) + 1)
 
 # One row per frame, in this order. Codes and words are raw; widths as in the blocks' formats.
 FRAME_COLUMNS = (
-    ("adc_drive_sin", "code", signed(24)),
-    ("adc_drive_cos", "code", signed(24)),
-    ("adc_sense_sin", "code", signed(24)),
-    ("adc_sense_cos", "code", signed(24)),
-    ("adc_temperature", "code", signed(24)),
+    ("adc_drive_sin", "code", signed_bits(24)),
+    ("adc_drive_cos", "code", signed_bits(24)),
+    ("adc_sense_sin", "code", signed_bits(24)),
+    ("adc_sense_cos", "code", signed_bits(24)),
+    ("adc_temperature", "code", signed_bits(24)),
     ("frequency_word", "turn/2^{dds_bits}", dds.PHASE),
-    ("amplitude_word", "10 V/2^23", signed(24)),
-    ("rate_word", "10 V/2^23", signed(24)),
+    ("amplitude_word", "10 V/2^23", signed_bits(24)),
+    ("rate_word", "10 V/2^23", signed_bits(24)),
     ("quadrature_code", "5.5 V/2^16", bits(16)),
     ("magnitude", "code", bits(25)),
-    ("phase", "turn/2^24", signed(24)),
+    ("phase", "turn/2^24", signed_bits(24)),
     ("state", "", bits(4)),
     ("lock", "", bits(4)),
     ("flags", "", bits(16)),
-    ("rate_output", "deg/s/2^20", signed(32)),
-    ("drive_dac_code", "code", signed(16)),
-    ("sense_dac_code", "code", signed(20)),
+    ("rate_output", "deg/s/2^20", signed_bits(32)),
+    ("drive_dac_code", "code", signed_bits(16)),
+    ("sense_dac_code", "code", signed_bits(20)),
     ("quadrature_dac_code", "code", bits(16)),
 )
 # The plant's own truth at the frame's first instant; nobody on a real bench has it.
@@ -186,8 +186,8 @@ def reset(params, temp_degc):
         adc_serial.State(),
     )
     firmware = block.reset(fpga.reset(params.fpga.design), params.fpga)
-    rest = plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc)
-    return State(firmware, chips, rest, 0, -1)
+    plant_state = plant.reset(params.plant, chips.drive.code, chips.sense.code, temp_degc)
+    return State(firmware, chips, plant_state, 0, -1)
 
 
 @inner
@@ -223,14 +223,14 @@ def _sent(faults, k, clock, before):
 
 
 @inner
-def _early(word_bits, lost_bit, k, code, following):
+def _lost_bit_code(word_bits, lost_bit, k, code, following):
     """Code of channel `k` if the frame has lost a bit: those behind it come one early, then one of `following`."""
-    left, spare = min(word_bits * (k + 2) - lost_bit, word_bits), WORD_BITS - word_bits
-    if lost_bit == 0 or left <= 0:
+    remaining_bits, spare = min(word_bits * (k + 2) - lost_bit, word_bits), WORD_BITS - word_bits
+    if lost_bit == 0 or remaining_bits <= 0:
         return code
     word = code >> spare
-    early = ((word << 1) | ((following >> (WORD_BITS - 1)) & 1)) & ((1 << left) - 1)
-    return wrap((((word >> left) << left) | early) << spare, WORD_BITS)
+    shifted = ((word << 1) | ((following >> (WORD_BITS - 1)) & 1)) & ((1 << remaining_bits) - 1)
+    return wrap((((word >> remaining_bits) << remaining_bits) | shifted) << spare, WORD_BITS)
 
 
 @outlined
@@ -245,11 +245,11 @@ def sent_codes(word_bits, faults, clock, before):
     c2, c3 = _sent(faults, 2, clock, before) & top, _sent(faults, 3, clock, before) & top
     c4, lost = _sent(faults, 4, clock, before) & top, faults.lost_bit
     return (
-        _early(word_bits, lost, 0, c0, c1),
-        _early(word_bits, lost, 1, c1, c2),
-        _early(word_bits, lost, 2, c2, c3),
-        _early(word_bits, lost, 3, c3, c4),
-        _early(word_bits, lost, 4, c4, ZERO),
+        _lost_bit_code(word_bits, lost, 0, c0, c1),
+        _lost_bit_code(word_bits, lost, 1, c1, c2),
+        _lost_bit_code(word_bits, lost, 2, c2, c3),
+        _lost_bit_code(word_bits, lost, 3, c3, c4),
+        _lost_bit_code(word_bits, lost, 4, c4, ZERO),
         ZERO,
         ZERO,
         ZERO,
@@ -270,7 +270,7 @@ def codes_before(chips):
 
 
 @inner
-def taken_sample(faults, k, sample, before):
+def faulted_sample(faults, k, sample, before):
     """Sample of a C/V output, x or y, or what a fault puts in its place; `before` is that of the tick before."""
     if faults.sample[k] == 1:
         return faults.sample_code[k]
@@ -423,8 +423,8 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
         if p.fpga.digital and closed:
-            a.sar[0] = taken_sample(faults, 0, plant_tick.sar_code(p.plant, a, tick, 0), sample_x)
-            a.sar[1] = taken_sample(faults, 1, plant_tick.sar_code(p.plant, a, tick, 1), sample_y)
+            a.sar[0] = faulted_sample(faults, 0, plant_tick.sar_code(p.plant, a, tick, 0), sample_x)
+            a.sar[1] = faulted_sample(faults, 1, plant_tick.sar_code(p.plant, a, tick, 1), sample_y)
         probed = closed and k < o.probe_ints.shape[0]
         if probed:
             _probe(o, k, f, a)
@@ -459,11 +459,11 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         if not closed:
             continue
         before_drive, before_sense = a.volts[0], a.volts[1]
-        moved = end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)
-        drdy_cycle = moved[0]
+        tick_end = end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)
+        drdy_cycle = tick_end[0]
         if probed:
-            o.probe_ints[k, 2] = moved[1]
-            o.probe_ints[k, 3] = moved[2]
+            o.probe_ints[k, 2] = tick_end[1]
+            o.probe_ints[k, 3] = tick_end[2]
             o.probe_floats[k, 11] = a.volts[0] - before_drive
             o.probe_floats[k, 13] = a.volts[1] - before_sense
     return f, chips, drdy_cycle

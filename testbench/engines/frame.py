@@ -31,8 +31,8 @@ from testbench.engines.block_state import (
     demodulate,
     history,
     last_quiet,
+    load_control,
     ready_clock,
-    take_up,
     ticks_to_event,
 )
 from testbench.engines.flush import CHANNEL_MASK, FLUSH, Arrival, arrive, complete, rebuilt
@@ -97,8 +97,8 @@ def _sampled(d, p, a, faults, count, n, refs, b):
         b.refs[t] = refs
         v = w[drive + t]
         noise_x, noise_y = plant.aperture_noise(p, a.work, t, v)
-        b.sar[0, t + 1] = engine.taken_sample(faults, 0, plant.sampled(p, w[x + t] + noise_x), b.sar[0, t])
-        b.sar[1, t + 1] = engine.taken_sample(faults, 1, plant.sampled(p, w[y + t] + noise_y), b.sar[1, t])
+        b.sar[0, t + 1] = engine.faulted_sample(faults, 0, plant.quantize_sample(p, w[x + t] + noise_x), b.sar[0, t])
+        b.sar[1, t + 1] = engine.faulted_sample(faults, 1, plant.quantize_sample(p, w[y + t] + noise_y), b.sar[1, t])
     a.sar[0], a.sar[1] = b.sar[0, n], b.sar[1, n]
 
 
@@ -137,7 +137,7 @@ def _probe(d, o, first, n, turn, a, tick, b, count, refs):
 
 
 @unit
-def onward(p, a, chunk, g, tick, end, limit, b):
+def advance_blocks(p, a, chunk, g, tick, end, limit, b):
     """Blocks from `tick` on, to the last quiet tick before `end` or to `limit`: what is carried then, and the tick.
 
     Mutates `a`, `b` and the streams.
@@ -153,7 +153,7 @@ def onward(p, a, chunk, g, tick, end, limit, b):
             _frame(p, a, chunk, tick, g)
         refs = g.refs
         g, count = before_ticks(p.fpga, p.rom, g, faults, tick, n, a.sar, a.work.drive_codes, a.work.sense_codes, b)
-        fell = plant.block(p.plant, a, tick, n, drive_clock, sense_clock, count, b.edges)
+        fell = plant.advance_ticks(p.plant, a, tick, n, drive_clock, sense_clock, count, b.edges)
         # streams
         row = tick - chunk.begin
         if row < o.probe_ints.shape[0]:
@@ -173,26 +173,26 @@ def onward(p, a, chunk, g, tick, end, limit, b):
 
 
 @inner
-def begin(p, f, chips, a, faults, tick, drdy_cycle, b):
+def begin_blocks(p, f, chips, a, faults, tick, drdy_cycle, b):
     """What blocks from a quiet `tick` on carry. Mutates `a` and `b`."""
     history(f, b)
     if faults.nan[0]:
         a.z[plant.X] = np.nan
     if faults.nan[1]:
         a.z[plant.Y] = np.nan
-    return take_up(p.fpga, f, chips, tick, drdy_cycle)
+    return load_control(p.fpga, f, chips, tick, drdy_cycle)
 
 
 @hot
-def blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
+def run_blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
     """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
-    g = begin(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
-    g, tick = onward(p, a, chunk, g, tick, end, end, b)
-    return put_down(p.fpga.design, f, chips, g, tick, chunk.faults.status)
+    g = begin_blocks(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
+    g, tick = advance_blocks(p, a, chunk, g, tick, end, end, b)
+    return store_control(p.fpga.design, f, chips, g, tick, chunk.faults.status)
 
 
 @inner
-def put_down(d, f, chips, g, tick, status):
+def store_control(d, f, chips, g, tick, status):
     """Where blocks end: firmware and chips FLUSH ticks before `tick`, and what they must have come to by then."""
     status = status & CHANNEL_MASK
     phase = phase_at(g.s.turn, d.tick_clocks * tick)
@@ -201,7 +201,7 @@ def put_down(d, f, chips, g, tick, status):
 
 
 @unit
-def enter(p, f, chips, a, chunk, end, drdy_cycle):
+def enter_block_mode(p, f, chips, a, chunk, end, drdy_cycle):
     """Clocked ticks of a chunk up to the first quiet one with room for blocks behind it, or to `end`.
 
     Returns firmware, chips, clock of DRDY, and that tick.
@@ -224,7 +224,7 @@ def enter(p, f, chips, a, chunk, end, drdy_cycle):
 
 
 @unit
-def leave(p, x, a, chunk, end):
+def exit_block_mode(p, x, a, chunk, end):
     """From the end of the blocks to that of the chunk: the flush of the registers, then clocked ticks.
 
     Returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers.
@@ -240,10 +240,10 @@ def leave(p, x, a, chunk, end):
 @hot
 def _run(p, f, chips, a, chunk, end, drdy_cycle, b):
     """A chunk; returns firmware, chips, clock of DRDY, and 0, or the tick at which the flush met other registers."""
-    f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
+    f, chips, drdy_cycle, tick = enter_block_mode(p, f, chips, a, chunk, end, drdy_cycle)
     if tick == end:
         return f, chips, drdy_cycle, ZERO
-    return leave(p, blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b), a, chunk, end)
+    return exit_block_mode(p, run_blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b), a, chunk, end)
 
 
 def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):

@@ -18,8 +18,8 @@ from analog_frontend import top as plant
 from analog_frontend.effects import law
 from analog_frontend.lanes import side_by_side, side_by_side_adc, side_by_side_top
 from analog_frontend.lanes.side_by_side import MOVING, STILL
-from analog_frontend.numeric.arena import float64_at, int32_at, int64_at, places
-from analog_frontend.numeric.records import taken
+from analog_frontend.numeric.arena import float64_at, int32_at, int64_at, record_layout
+from analog_frontend.numeric.records import unpack_record
 from analog_frontend.numeric.shapes import doubles, int64s
 from analog_frontend.numeric.vector import LANES, load, store
 from analog_frontend.parts import adc, dac, propagator, sid
@@ -29,16 +29,16 @@ from fpga_model.jit import hot, inlined, outlined
 from testbench.engines import engine, pins
 from testbench.engines.block_state import (
     BlockState,
+    advance_control,
     after_ticks,
     await_frame,
     codes_at,
     history,
-    play,
-    take_up,
+    load_control,
     ticks_to_event,
     words_of_ticks,
 )
-from testbench.engines.frame import enter, leave, put_down
+from testbench.engines.frame import enter_block_mode, exit_block_mode, store_control
 from testbench.engines.turn import Turn
 from testbench.engines.window import HISTORY, Window
 from testbench.flatten import leaves
@@ -64,7 +64,7 @@ class Part(NamedTuple):
     temp_count: int
 
 
-class Together(NamedTuple):
+class GroupChunk(NamedTuple):
     """What a chunk is told and where it writes, for eight, as engine.Chunk; tables of any number of temperatures."""
 
     begin: int
@@ -81,13 +81,13 @@ class Together(NamedTuple):
     rom: np.ndarray
 
 
-def _carried():
+def _empty_block_state():
     s = Window(control.State(), registers.State(), watchdog.State(), Turn(0, 0, 0, 0, 0, 0, 0), 0, 0)
     eight_zeros = (0,) * 8
     return BlockState(digital_sid.State(), s, 0, 0, 0, 0, 0, 0, 0, eight_zeros, eight_zeros, 0, 0, 0, 0)
 
 
-BLOCK_STATE = _carried()
+BLOCK_STATE = _empty_block_state()
 BLOCK_STATE_COUNT = sum(1 for _ in leaves(BLOCK_STATE))
 SID = sum(1 for _ in leaves(BLOCK_STATE.sid))
 # a row begins with what only a window changes
@@ -122,7 +122,7 @@ class Group(NamedTuple):
     caps: doubles(LANES, plant.DEMODULATORS, sid.CAPACITORS)
 
 
-AT = places(Group, side_by_side_adc.AT.sizes)
+AT = record_layout(Group, side_by_side_adc.AT.sizes)
 opened = AT.opened
 
 
@@ -163,14 +163,14 @@ def _tuned(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
     volts = quad_code * p.quad_lsb_v
     kq = plant.blended(p, c.knots[k, :, 1], temp_degc)
     stiffness = plant.blended(p, c.knots[k, :, 2], temp_degc) - kq * (volts * volts)
-    moved = q.now[TEMP * LANES + k] != temp_degc
-    same = q.now[RATE * LANES + k] == rate_rad_s and q.now[STIFFNESS * LANES + k] == stiffness
-    if not moved and same:
+    temp_changed = q.now[TEMP * LANES + k] != temp_degc
+    unchanged = q.now[RATE * LANES + k] == rate_rad_s and q.now[STIFFNESS * LANES + k] == stiffness
+    if not temp_changed and unchanged:
         return 0
     q.now[RATE * LANES + k] = rate_rad_s
     q.now[STIFFNESS * LANES + k] = stiffness
     q.now[TEMP * LANES + k] = temp_degc
-    if moved:
+    if temp_changed:
         _blended(c, floats, ints, p, k, temp_degc)
     return 1
 
@@ -185,12 +185,12 @@ def _combined(floats, ints):
         at = e * LANES
         small = (s * s) * load(q.jet, at + 5 * size) + (o * s) * load(q.jet, at + 4 * size)
         small = small + (o * o) * load(q.jet, at + 3 * size)
-        whole = load(q.jet, at) + (o * load(q.jet, at + size) + (s * load(q.jet, at + 2 * size) + small))
-        store(v.g, side_by_side.AT_MODES + at, whole)
+        entry = load(q.jet, at) + (o * load(q.jet, at + size) + (s * load(q.jet, at + 2 * size) + small))
+        store(v.g, side_by_side.AT_MODES + at, entry)
 
 
 @outlined
-def _laws(floats, ints, tick, frame_ticks):
+def _compute_law_gains(floats, ints, tick, frame_ticks):
     """What the laws of all eight come to in the frame of `tick`. Mutates them."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     for k in range(LANES):
@@ -206,8 +206,8 @@ def _laws(floats, ints, tick, frame_ticks):
 def _framed(part, parts_i, parts_f, floats, ints, c, k, tick):
     """A frame of one gyroscope begins: its matrix, and its row. 1 if the matrix changes. Mutates the streams of `c`."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
-    p, g = taken(part, parts_i[k], parts_f[k]), taken(BLOCK_STATE, q.block_states[k], parts_f[k])
-    faults = taken(FAULTS, q.faults[k], parts_f[k])
+    p, g = unpack_record(part, parts_i[k], parts_f[k]), unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
+    faults = unpack_record(FAULTS, q.faults[k], parts_f[k])
     n = tick // c.frame_ticks - c.begin // c.frame_ticks
     rate_rad_s, temp_degc = c.rate_rad_s[k, n], c.temp_degc[k, n]
     v_q = faults.dac_code[2] if faults.dac[2] else g.s.quadrature
@@ -226,7 +226,7 @@ def _framed(part, parts_i, parts_f, floats, ints, c, k, tick):
 
 
 @inlined
-def _put(v, q, k, which, part, carry, codes, n):
+def _store_dac_codes(v, q, k, which, part, carry, codes, n):
     """Codes of one DAC of one plant for a block: what acts at each tick, and the glitches. Mutates `v`, `q`."""
     v.codes[which * LANES + k] = q.acting[k, which, 0]
     new = 1
@@ -253,11 +253,11 @@ def _put(v, q, k, which, part, carry, codes, n):
 
 
 @outlined
-def _joined(part, parts_i, parts_f, floats, ints, c, k):
+def _load_registers(part, parts_i, parts_f, floats, ints, c, k):
     """A gyroscope enters: its matrix, linear states and capacitors into the registers of eight. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     side_by_side_adc.enter(side_by_side_adc.opened(floats, ints), k)
-    _blended(c, floats, ints, taken(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
+    _blended(c, floats, ints, unpack_record(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
     v.peak[k] = 0.0
     for which in range(2):
         v.late_area[which * LANES + k] = q.late_area[k, which]
@@ -274,7 +274,7 @@ def _joined(part, parts_i, parts_f, floats, ints, c, k):
 
 
 @outlined
-def _parted(floats, ints, k):
+def _unload_registers(floats, ints, k):
     """A gyroscope leaves: the reverse of `_joined`. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     for i in range(plant.STATES):
@@ -285,7 +285,7 @@ def _parted(floats, ints, k):
             at = (3 * d + i) * LANES + k
             q.caps[k, d, i if ref else 3 + i] = v.on[at]
             q.caps[k, d, 3 + i if ref else i] = v.off[at]
-    side_by_side_adc.leave(side_by_side_adc.opened(floats, ints), k)
+    side_by_side_adc.store_sums(side_by_side_adc.opened(floats, ints), k)
     q.late_area[k, DRIVE] = v.late_area[k]
     q.late_area[k, SENSE] = v.late_area[LANES + k]
 
@@ -302,43 +302,43 @@ def _nearest(part, parts_i, parts_f, floats, ints, tick):
         if tick < q.entered[k]:
             until = min(until, q.entered[k])
         elif q.left[k] < 0:
-            p = taken(part, parts_i[k], parts_f[k])
-            g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
-            faults = taken(FAULTS, q.faults[k], parts_f[k])
-            found = ticks_to_event(p.fpga.design, p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
-            if found == tick:
+            p = unpack_record(part, parts_i[k], parts_f[k])
+            g = unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
+            faults = unpack_record(FAULTS, q.faults[k], parts_f[k])
+            event_tick = ticks_to_event(p.fpga.design, p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
+            if event_tick == tick:
                 q.left[k] = tick
             else:
-                until = min(until, found)
+                until = min(until, event_tick)
     return until
 
 
 @outlined
-def _play(part, parts_i, parts_f, floats, ints, k, tick, n):
+def _advance_lane_control(part, parts_i, parts_f, floats, ints, k, tick, n):
     """The 8 kHz side of one gyroscope in a block, if it has work there. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
-    p, g = taken(part, parts_i[k], parts_f[k]), taken(BLOCK_STATE, q.block_states[k], parts_f[k])
+    p, g = unpack_record(part, parts_i[k], parts_f[k]), unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
     q.known[k] = 0
     if await_frame(p.fpga, g, tick):
-        s, _, known = play(p.fpga, g, tick, n, q.sar[k, :, 0], _buffers(q, v, k))
+        s, _, window_ticks = advance_control(p.fpga, g, tick, n, q.sar[k, :, 0], _buffers(q, v, k))
         store_row(q.block_states[k, SID:], s)
-        q.known[k] = known
+        q.known[k] = window_ticks
 
 
 @outlined
 def _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n):
     """One gyroscope's codes and edges for a block of `n` ticks. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
-    p = taken(part, parts_i[k], parts_f[k])
-    g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
-    faults = taken(FAULTS, q.faults[k], parts_f[k])
+    p = unpack_record(part, parts_i[k], parts_f[k])
+    g = unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
+    faults = unpack_record(FAULTS, q.faults[k], parts_f[k])
     drive_codes, sense_codes = q.drive_codes[k], q.sense_codes[k]
     b = _buffers(q, v, k)
     g, count = words_of_ticks(p.fpga, c.rom, g, g.s, g.sid, q.known[k], faults, tick, n, drive_codes, sense_codes, b)
     store_row(q.block_states[k, HEAD:], (g.s[2:], g[2:]))
     v.edge_counts[k] = count
-    _put(v, q, k, DRIVE, p.drive_dac, v.carry[k] == 1.0, drive_codes, n)
-    _put(v, q, k, SENSE, p.sense_dac, v.carry[2 * LANES + k] == 1.0, sense_codes, n)
+    _store_dac_codes(v, q, k, DRIVE, p.drive_dac, v.carry[k] == 1.0, drive_codes, n)
+    _store_dac_codes(v, q, k, SENSE, p.sense_dac, v.carry[2 * LANES + k] == 1.0, sense_codes, n)
 
 
 @outlined
@@ -351,14 +351,14 @@ def _converted(part, parts_i, parts_f, floats, ints, n):
         if v.active[k]:
             first = min(first, k)
     if side_by_side_adc.in_step(a, v.active):
-        side_by_side_adc.block(floats, ints, taken(part, parts_i[first], parts_f[first]).adc, first, n)
+        side_by_side_adc.convert_lanes(floats, ints, unpack_record(part, parts_i[first], parts_f[first]).adc, first, n)
     else:
         for k in range(LANES):
             if v.active[k]:
-                side_by_side_adc.own(a, v.out, k, n)
-                side_by_side_adc.leave(a, k)
-                p = taken(part, parts_i[k], parts_f[k]).adc
-                a.fell[k] = adc.block(p, a.clock[k], a.own_sums[k], a.row, n, a.sensor_v[k])
+                side_by_side_adc.gather_outputs(a, v.out, k, n)
+                side_by_side_adc.store_sums(a, k)
+                p = unpack_record(part, parts_i[k], parts_f[k]).adc
+                a.fell[k] = adc.convert_block(p, a.clock[k], a.own_sums[k], a.row, n, a.sensor_v[k])
                 side_by_side_adc.enter(a, k)
 
 
@@ -366,9 +366,9 @@ def _converted(part, parts_i, parts_f, floats, ints, n):
 def _hear(part, parts_i, parts_f, floats, ints, k, tick, until):
     """What the firmware of one gyroscope has read in a block. Mutates both arrays."""
     v, a, q = side_by_side.opened(floats, ints), side_by_side_adc.opened(floats, ints), opened(floats, ints)
-    g = taken(BLOCK_STATE, q.block_states[k], parts_f[k])
-    faults = taken(FAULTS, q.faults[k], parts_f[k])
-    d = taken(part, parts_i[k], parts_f[k]).fpga.design
+    g = unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
+    faults = unpack_record(FAULTS, q.faults[k], parts_f[k])
+    d = unpack_record(part, parts_i[k], parts_f[k]).fpga.design
     g = after_ticks(d, g, faults, a.clock[k], tick, until, a.fell[k], g.sid)
     store_row(q.block_states[k, HEAD:], (g.s[2:], g[2:]))
     if v.flags[side_by_side.GLITCHES]:
@@ -378,7 +378,7 @@ def _hear(part, parts_i, parts_f, floats, ints, k, tick, until):
 
 
 @outlined
-def _kept(c, floats, ints, k, row, n):
+def _record_codes(c, floats, ints, k, row, n):
     """The codes of a block into their streams."""
     q = opened(floats, ints)
     size = c.code_ticks[k]
@@ -390,7 +390,7 @@ def _kept(c, floats, ints, k, row, n):
 
 
 @hot
-def blocks(part, effect, parts_i, parts_f, floats, ints, c):
+def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
     """All blocks of a chunk: from each one's `entered` to its last quiet tick, which becomes `left`.
 
     part, effect  Kind of a Part and of an effects.Params. Mutates both arrays and the streams of `c`
@@ -403,7 +403,7 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
         changed = 0
         for k in range(LANES):
             if q.entered[k] == tick and q.left[k] < 0:
-                _joined(part, parts_i, parts_f, floats, ints, c, k)
+                _load_registers(part, parts_i, parts_f, floats, ints, c, k)
                 changed += 1
         until = _nearest(part, parts_i, parts_f, floats, ints, tick)
         n, busy = until - tick, 0
@@ -413,21 +413,21 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
             if v.active[k]:
                 if tick % c.frame_ticks == 0:
                     changed += _framed(part, parts_i, parts_f, floats, ints, c, k, tick)
-                _play(part, parts_i, parts_f, floats, ints, k, tick, n)
+                _advance_lane_control(part, parts_i, parts_f, floats, ints, k, tick, n)
                 busy += 1
             elif q.left[k] == tick and q.entered[k] < tick:
-                _parted(floats, ints, k)
+                _unload_registers(floats, ints, k)
                 c.peak_x[k] = v.peak[k]
         for k in range(LANES):
             if v.active[k]:
                 _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n)
-                _kept(c, floats, ints, k, tick - c.begin, n)
+                _record_codes(c, floats, ints, k, tick - c.begin, n)
         if changed:
             _combined(floats, ints)
         if v.flags[side_by_side.LAWS] and (changed or tick % c.frame_ticks == 0):
-            _laws(floats, ints, tick, c.frame_ticks)
+            _compute_law_gains(floats, ints, tick, c.frame_ticks)
         if busy:
-            side_by_side_top.block(effect, floats, ints, tick, n)
+            side_by_side_top.advance_lanes(effect, floats, ints, tick, n)
             _converted(part, parts_i, parts_f, floats, ints, n)
         for k in range(LANES):
             if v.active[k]:
@@ -438,9 +438,9 @@ def blocks(part, effect, parts_i, parts_f, floats, ints, c):
 @hot
 def enter_lane(p, f, chips, a, chunk, end, drdy_cycle, row, b):
     """Clocked ticks up to the blocks; what is carried from there goes into `row`, the last codes into `b`."""
-    f, chips, drdy_cycle, tick = enter(p, f, chips, a, chunk, end, drdy_cycle)
+    f, chips, drdy_cycle, tick = enter_block_mode(p, f, chips, a, chunk, end, drdy_cycle)
     if tick < end:
-        store_row(row, take_up(p.fpga, f, chips, tick, drdy_cycle))
+        store_row(row, load_control(p.fpga, f, chips, tick, drdy_cycle))
         history(f, b)
     return f, chips, drdy_cycle, tick
 
@@ -449,5 +449,5 @@ def enter_lane(p, f, chips, a, chunk, end, drdy_cycle, row, b):
 def leave_lane(p, f, chips, a, chunk, end, row, tick, now):
     """From the end of the blocks to that of the chunk. `now`: rate, stiffness and temperature of the present frame."""
     plant.tune(p.plant, a, now[RATE], now[STIFFNESS], now[TEMP])
-    g = taken(BLOCK_STATE, row, now)
-    return leave(p, put_down(p.fpga.design, f, chips, g, tick, chunk.faults.status), a, chunk, end)
+    g = unpack_record(BLOCK_STATE, row, now)
+    return exit_block_mode(p, store_control(p.fpga.design, f, chips, g, tick, chunk.faults.status), a, chunk, end)

@@ -29,14 +29,14 @@ from analog_frontend.parts import dac, propagator
 from fpga_model.path_clocks import dac_clocks
 from testbench import interrupts
 from testbench.engines import engine, lane_group, pins
-from testbench.engines.lane_group import FAR, Part, Together, blocks, enter_lane, leave_lane
+from testbench.engines.lane_group import FAR, GroupChunk, Part, enter_lane, leave_lane, run_lane_blocks
 from testbench.errors import ConfigError
 
 CHUNK_TICKS = 1_000_000
 STREAMS = ("drive_code", "sense_code", "frames", "truth")
 
 
-def _column(tables, clocks, row, out):
+def _entry_jets(tables, clocks, row, out):
     """Jets (knots, 6) of one entry of G at the clocks of the DACs."""
     drive_clock, sense_clock = clocks
     clocked = {
@@ -51,18 +51,18 @@ def _column(tables, clocks, row, out):
     return tables.g_jet[:, :, row, out]
 
 
-def _tables(p, clocks):
+def _plant_tables(p, clocks):
     """(moving, still, knots) of a plant, as in Group without its first axis; `clocks` of its DACs."""
     t = p.tables
-    moving = np.stack([_column(t, clocks, *entry) for entry in MOVING], axis=-1)
-    still = np.stack([_column(t, clocks, *entry) for entry in ENTRIES], axis=-1)
+    moving = np.stack([_entry_jets(t, clocks, *entry) for entry in MOVING], axis=-1)
+    still = np.stack([_entry_jets(t, clocks, *entry) for entry in ENTRIES], axis=-1)
     if still[:, 1:].any():
         raise RuntimeError("an entry of a chain follows the rate: lanes would not")
     still = np.concatenate([still[:, 0], t.pickoff.reshape(len(t.pickoff), -1)], axis=1)
     return moving, still, np.stack([t.driver_s, t.kq_n_per_m_per_v2, t.kxy_n_per_m], axis=-1)
 
 
-def _part(p):
+def _lane_part(p):
     return Part(
         p.fpga,
         p.plant.adc,
@@ -89,7 +89,7 @@ def _padded(tables):
     return np.stack(full + full[:1] * (LANES - len(full)))
 
 
-def _alone(params):
+def _is_unvectorised(params):
     """True for what the registers of eight do not carry: another board, levels, errors of converter or ring, a port."""
     p = params.plant
     levels = p.drive_levels.on or p.sense_levels.on
@@ -98,9 +98,9 @@ def _alone(params):
 
 def kind(params):
     """What gyroscopes must have in common to stand side by side: the types of their parts; None for one that cannot."""
-    if _alone(params):
+    if _is_unvectorised(params):
         return None
-    return _types((_part(params), params.plant.effects)), params.fpga.design, dac_clocks(params.fpga)
+    return _types((_lane_part(params), params.plant.effects)), params.fpga.design, dac_clocks(params.fpga)
 
 
 def _types(item):
@@ -124,15 +124,15 @@ class Engine:
             raise ConfigError("lanes: firmware.*_sine_registers, *_code_registers are run by the other engines only")
         if any(p.plant.ring.on for p in params):
             raise ConfigError("lanes: plant.ring_saturation_on = 1 is run by the other engines only")
-        if any(_alone(p) for p in params):
+        if any(_is_unvectorised(p) for p in params):
             raise ConfigError("lanes: levels of a DAC and errors of the converter are run by the frame engine only")
         self.design, self.clocks = params[0].fpga.design, dac_clocks(params[0].fpga)
         if any(p.fpga.design != self.design or dac_clocks(p.fpga) != self.clocks for p in params):
             raise ConfigError("lanes: gyroscopes side by side need the same [design]")
         self.params = params
-        self.part, self.effect = Kind(_part(params[0])), Kind(params[0].plant.effects)
-        self.parts_i, self.parts_f = _rows([_part(p) for p in params])
-        tables = zip(*(_tables(p.plant, self.clocks) for p in params))
+        self.part, self.effect = Kind(_lane_part(params[0])), Kind(params[0].plant.effects)
+        self.parts_i, self.parts_f = _rows([_lane_part(p) for p in params])
+        tables = zip(*(_plant_tables(p.plant, self.clocks) for p in params))
         self.tables = [_padded(table) for table in tables]
         self.floats, self.ints = arena.room(lane_group.AT.sizes)
         self.v = arena.views(side_by_side.SideBySide, side_by_side.AT, self.floats, self.ints)
@@ -206,9 +206,9 @@ class Engine:
             begun.append((f, chips, drdy_cycle))
             if tick < end:
                 q.entered[k], q.left[k] = tick, -1
-                self._load(k, s.plant, faults[k])
+                self._load_plant(k, s.plant, faults[k])
         count = len(states)
-        told = Together(
+        group_chunk = GroupChunk(
             begin,
             *self.tables,
             *(_stacked(values) for values in (rate_rad_s, temp_degc)),
@@ -219,14 +219,14 @@ class Engine:
             self.params[0].rom,
         )
         q.faults[:] = _rows(faults)[0]
-        blocks(self.part, self.effect, self.parts_i, self.parts_f, self.floats, self.ints, told)
+        run_lane_blocks(self.part, self.effect, self.parts_i, self.parts_f, self.floats, self.ints, group_chunk)
         after = []
         for k in range(count):
             f, chips, drdy_cycle = begun[k]
             a, failed = states[k].plant, 0
             if q.entered[k] < end:
-                self._unload(k, a)
-                streams[k].peak_x[0] = max(streams[k].peak_x[0], told.peak_x[k])
+                self._unload_plant(k, a)
+                streams[k].peak_x[0] = max(streams[k].peak_x[0], group_chunk.peak_x[k])
                 now = q.now.reshape(3, LANES)[:, k].copy()
                 f, chips, drdy_cycle, failed = leave_lane(
                     self.params[k], f, chips, a, chunks[k], end, q.block_states[k], q.left[k], now
@@ -240,7 +240,7 @@ class Engine:
         places = self.q._asdict() | {"edges": self.v.edges}
         return pins.Buffers(*(places[name][k] for name in pins.Buffers._fields))
 
-    def _load(self, k, a, faults):
+    def _load_plant(self, k, a, faults):
         """A plant's state into the group."""
         v, q, p = self.v, self.q, self.params[k].plant
         q.z[k], q.caps[k], q.late_area[k] = a.z, a.caps, a.late_area
@@ -251,9 +251,9 @@ class Engine:
         self.a.clock[k], self.a.own_sums[k] = a.adc.clock, a.adc.sums
         q.now.reshape(3, LANES)[:, k] = a.now[:3]
         for which, part in enumerate((p.drive_dac, p.sense_dac)):
-            q.acting[k, which] = (_code_of(part, a.volts[which]), a.codes[which])
+            q.acting[k, which] = (_dac_code(part, a.volts[which]), a.codes[which])
 
-    def _unload(self, k, a):
+    def _unload_plant(self, k, a):
         """A plant's state out of the group; its matrix is left to `lane_group.leave_lane`."""
         v, q, p = self.v, self.q, self.params[k].plant
         a.z[:], a.caps[:], a.late_area[:] = q.z[k], q.caps[k], q.late_area[k]
@@ -287,11 +287,11 @@ class Lanes:
         progress  called with the number of a group's first simulation and its ticks so far, in the group's thread
         """
         sims = [sim for group in self.groups for sim in group]
-        told = [sim.conditions(rate, temp) for sim, rate, temp in zip(sims, rate_rad_s, temp_degc, strict=True)]
+        profiles = [sim.conditions(rate, temp) for sim, rate, temp in zip(sims, rate_rad_s, temp_degc, strict=True)]
         stop = threading.Event()
         first, jobs = 0, []
         for engine_, sims in zip(self.engines, self.groups):
-            jobs.append((engine_, sims, first, ticks, told[first : first + len(sims)], progress, stop))
+            jobs.append((engine_, sims, first, ticks, profiles[first : first + len(sims)], progress, stop))
             first += len(sims)
         if self.threads == 1:
             for job in jobs:
@@ -299,36 +299,36 @@ class Lanes:
             return
         with ThreadPoolExecutor(self.threads) as pool:
             try:
-                for done in as_completed([pool.submit(_advance, *job) for job in jobs]):
-                    done.result()
+                for future in as_completed([pool.submit(_advance, *job) for job in jobs]):
+                    future.result()
             except BaseException:
                 stop.set()
                 raise
 
 
-def _advance(engine_, sims, first, ticks, told, progress, stop):
+def _advance(engine_, sims, first, ticks, profiles, progress, stop):
     """One group by `ticks`, or to the end of the chunk in which `stop` is set."""
-    done = 0
-    while done < ticks and not stop.is_set():
-        step = min(CHUNK_TICKS, ticks - done)
+    elapsed_ticks = 0
+    while elapsed_ticks < ticks and not stop.is_set():
+        step = min(CHUNK_TICKS, ticks - elapsed_ticks)
         frame_ticks = engine_.design.frame_ticks
-        begun = sims[0].tick // frame_ticks - (sims[0].tick - done) // frame_ticks
+        begun = sims[0].tick // frame_ticks - (sims[0].tick - elapsed_ticks) // frame_ticks
         rates, temps, streams = zip(
             *(
                 sim.chunk(step, rate[min(begun, len(rate) - 1) :], temp[min(begun, len(temp) - 1) :])
-                for sim, (rate, temp) in zip(sims, told)
+                for sim, (rate, temp) in zip(sims, profiles)
             )
         )
         started = time.perf_counter()
-        with interrupts.held():
+        with interrupts.defer_interrupts():
             states = engine_.run([sim.state for sim in sims], step, rates, temps, [sim.faults for sim in sims], streams)
         spent = (time.perf_counter() - started) / len(sims)
         for sim, state, stream in zip(sims, states, streams):
             sim.seconds_spent += spent
-            sim.moved(state, stream)
-        done += step
+            sim.commit_chunk(state, stream)
+        elapsed_ticks += step
         if progress:
-            progress(first, done)
+            progress(first, elapsed_ticks)
 
 
 def _stacked(items):
@@ -336,11 +336,11 @@ def _stacked(items):
     return np.stack([np.ascontiguousarray(item) for item in items] + [items[0]] * (LANES - len(items)))
 
 
-def _code_of(part, volts):
+def _dac_code(part, volts):
     """The code of an output voltage."""
-    near = round((volts - part.offset_v) / part.lsb_v)
+    centre = round((volts - part.offset_v) / part.lsb_v)
     reach = 1 + int(abs(part.bow) * part.full_code)
-    for code in range(near - reach, near + reach + 1):
+    for code in range(centre - reach, centre + reach + 1):
         if dac.volts(part, code) == volts:
             return code
     raise RuntimeError(f"lanes: {volts} V is the output of no DAC code")

@@ -47,9 +47,9 @@ def reference_edges(d, p, turn, bank, first, end, refs, b):
     delay, clocks = REFERENCE_CLOCKS + p.align, d.tick_clocks
     retimed = p.retimed
     # what the pins show before the first edge is the phase `delay` clocks before, or before the tick's first edge
-    seen = clocks * (first - 1 if retimed else first) - delay
-    at_drive = next_quarter(turn, bank.phase_drive_ref, seen)
-    at_sense = next_quarter(turn, bank.phase_sense_ref, seen)
+    phase_clock = clocks * (first - 1 if retimed else first) - delay
+    at_drive = next_quarter(turn, bank.phase_drive_ref, phase_clock)
+    at_sense = next_quarter(turn, bank.phase_sense_ref, phase_clock)
     count = 0
     base, limit = clocks * first, clocks * end
     while True:
@@ -64,13 +64,13 @@ def reference_edges(d, p, turn, bank, first, end, refs, b):
             return count, refs
         quarter = wrap_unsigned(phase_at(turn, at) + offset, turn.bits) >> (turn.bits - 2)
         which = 2 * sense + (quarter & 1)
-        place = count
+        row = count
         if count > 0 and b.edges[count - 1, 0] == edge - base and b.edges[count - 1, 1] > which:
             # on one clock, in the order of the pins
             b.edges[count, 0], b.edges[count, 1] = b.edges[count - 1, 0], b.edges[count - 1, 1]
-            place = count - 1
-        b.edges[place, 0] = edge - base
-        b.edges[place, 1] = which
+            row = count - 1
+        b.edges[row, 0] = edge - base
+        b.edges[row, 1] = which
         count += 1
         refs = refs ^ (1 << which)
         following = next_quarter(turn, offset, at)
@@ -96,11 +96,11 @@ def _codes(d, p, rom, bank, turn, first, n, b):
     drive_lag, sense_lag = SINE_CLOCKS + drive_pipe.depth, SINE_CLOCKS + sense_pipe.depth
     for k in range(n):
         phase = phase_at(turn, clocks * (first + k) - drive_lag)
-        y = sine.at(d, rom, wrap_unsigned(phase + bank.phase_drive_sine, d.dds_bits))
-        b.drive[HISTORY + k] = modulator.at(p.drive_modulator, b.amplitude[k], y)
+        y = sine.phase_sine(d, rom, wrap_unsigned(phase + bank.phase_drive_sine, d.dds_bits))
+        b.drive[HISTORY + k] = modulator.dac_code(p.drive_modulator, b.amplitude[k], y)
         phase = phase_at(turn, clocks * (first + k) - sense_lag)
-        y = sine.at(d, rom, wrap_unsigned(phase + bank.phase_sense_sine, d.dds_bits))
-        b.sense[HISTORY + k] = modulator.at(p.sense_modulator, b.rate[k], y)
+        y = sine.phase_sine(d, rom, wrap_unsigned(phase + bank.phase_sense_sine, d.dds_bits))
+        b.sense[HISTORY + k] = modulator.dac_code(p.sense_modulator, b.rate[k], y)
 
 
 @inner
@@ -111,16 +111,16 @@ def words_of_ticks(p, drive_codes, sense_codes, n, enabled, staged, mixed, b):
     control word in place of a code only opens it. mixed: there are control words among the loads. Mutates its arrays.
     """
     drive_load, sense_load = path_clocks.loads(p.paths)
-    late = spi_dac.late_ticks(p.design, p.sense_dac, sense_load)
-    first = HISTORY - p.drive_modulator.frames - spi_dac.late_ticks(p.design, p.drive_dac, drive_load)
-    drive, sense = b.drive[first:], b.sense[HISTORY - late - p.sense_modulator.frames :]
+    sense_delay_ticks = spi_dac.update_delay_ticks(p.design, p.sense_dac, sense_load)
+    first = HISTORY - p.drive_modulator.frames - spi_dac.update_delay_ticks(p.design, p.drive_dac, drive_load)
+    drive, sense = b.drive[first:], b.sense[HISTORY - sense_delay_ticks - p.sense_modulator.frames :]
     for k in range(n):
         drive_codes[k] = drive[k]
         sense_codes[k] = sense[k]
     opened = p.sense_dac.control != 0  # by a control word
-    if opened and (mixed or enabled == 0 or b.control_load[HISTORY - 1] * late == 1):
+    if opened and (mixed or enabled == 0 or b.control_load[HISTORY - 1] * sense_delay_ticks == 1):
         for k in range(n):
-            if b.control_load[HISTORY + k - late] == 1:
+            if b.control_load[HISTORY + k - sense_delay_ticks] == 1:
                 enabled = 1
             else:
                 staged = sense[k]

@@ -33,12 +33,12 @@ class Turn(NamedTuple):
 def phase_at(turn, clock):
     """The phase before `clock`."""
     if clock >= turn.clock:
-        moved = (clock - turn.clock) * turn.word
+        phase_advance = (clock - turn.clock) * turn.word
     elif clock >= turn.since:
-        moved = (clock - turn.clock) * turn.old
+        phase_advance = (clock - turn.clock) * turn.old
     else:
-        moved = (turn.since - turn.clock) * turn.old + (clock - turn.since) * turn.oldest
-    return wrap_unsigned(turn.phase + moved, turn.bits)
+        phase_advance = (turn.since - turn.clock) * turn.old + (clock - turn.since) * turn.oldest
+    return wrap_unsigned(turn.phase + phase_advance, turn.bits)
 
 
 @inner
@@ -72,13 +72,13 @@ def still(clock, phase, word, bits):
 
 
 @inner
-def steady(turn, clock):
+def drop_history(turn, clock):
     """The turn from `clock` on, its past forgotten."""
     return still(clock, phase_at(turn, clock), turn.word, turn.bits)
 
 
 @inner
-def turn_of(turn, clock, word):
+def change_word(turn, clock, word):
     """The word has another value from `clock` on, if it has."""
     if word == turn.word:
         return turn
@@ -96,13 +96,13 @@ def _crossing(turn, offset, clock, word):
 def next_quarter(turn, offset, clock):
     """First clock after `clock` before which the phase plus `offset` has entered another quarter turn."""
     if clock < turn.since:
-        found = _crossing(turn, offset, clock, turn.oldest)
-        if found <= turn.since:
-            return found
+        crossing = _crossing(turn, offset, clock, turn.oldest)
+        if crossing <= turn.since:
+            return crossing
         clock = turn.since
     if clock < turn.clock:
-        found = _crossing(turn, offset, clock, turn.old)
-        if found <= turn.clock:
-            return found
+        crossing = _crossing(turn, offset, clock, turn.old)
+        if crossing <= turn.clock:
+            return crossing
         clock = turn.clock
     return _crossing(turn, offset, clock, turn.word)

@@ -30,7 +30,7 @@ from fpga_model.control import SLOT_PI
 from fpga_model.jit import inlined, inner, outlined
 from fpga_model.rates import SLOT_ROOT, SLOT_SEQUENCER, SLOTS
 from testbench.engines import closed_form, engine
-from testbench.engines.turn import Turn, turn_of
+from testbench.engines.turn import Turn, change_word
 
 SLOT_WORD = SLOT_PI + 2  # after it the frequency word holds what the loop has found
 ZERO, ONE = np.int64(0), np.int64(1)
@@ -43,7 +43,8 @@ def last_load_tick(p):
     """The last tick of a frame whose load of V_q is out when the frame ends; fpga.Params."""
     mask = rates.quadrature_mask(p.design, p.quadrature_fast)
     return (
-        (p.design.frame_ticks - spi_dac.late_ticks(p.design, p.quadrature_dac, spi_dac.LOAD_TICK, mask + 1)) & ~mask
+        (p.design.frame_ticks - spi_dac.update_delay_ticks(p.design, p.quadrature_dac, spi_dac.LOAD_TICK, mask + 1))
+        & ~mask
     ) - 1
 
 
@@ -91,7 +92,7 @@ class Window(NamedTuple):
 
 
 @inner
-def _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, stale):
+def _window_inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, stale):
     """What the window sees at the edge `clock`."""
     codes = engine.frame_codes(p, sid.codes, receive(p.design, old, new, ready, clock))
     if p.digital:
@@ -112,7 +113,7 @@ def edge(p, s, i, clock, valid, host):
         c,
         registers.step(d, s.bank, host[0], host[1], host[2], 1 if s.slot == SLOT_SEQUENCER else 0),
         watchdog.step(p.watchdog, s.dog, 1 if clock % d.tick_clocks == 0 else 0, valid),
-        turn_of(s.turn, clock + 1, c.frequency_tracker.word),
+        change_word(s.turn, clock + 1, c.frequency_tracker.word),
         slot,
         s.quadrature,
     )
@@ -136,14 +137,14 @@ def run_window(d, p, s, i, bank):
 def run_undisturbed(p, s, i, valid):
     """The 8 kHz side after a window of its own, and the frequency word after SLOT_PI; the watchdog is as before."""
     after, word = run_window(p.design, p.control, s.control, i, s.bank)
-    turn = turn_of(s.turn, valid + SLOT_PI + 1, word)
-    turn = turn_of(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
+    turn = change_word(s.turn, valid + SLOT_PI + 1, word)
+    turn = change_word(turn, valid + SLOT_WORD + 1, after.frequency_tracker.word)
     bank = registers.step(p.design, s.bank, ZERO, ZERO, ZERO, ONE)
     return Window(after, bank, s.dog, turn, ZERO, s.quadrature), word
 
 
 @inner
-def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
+def advance_window(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     """At most `n` ticks from `tick` on, until the window has ended; returns the state and the number of ticks.
 
     A window that nothing disturbs, in ticks that hold it whole, is computed at once; what the DACs take from it changes
@@ -154,8 +155,8 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     count = (valid + SLOTS + 1 - begin + clocks - 1) // clocks
     disturbed = s.slot != 0 or s.dog.stale == 1 or count > n
     if disturbed or valid < begin or valid >= begin + clocks:
-        return _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b)
-    i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
+        return _advance_by_edge(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b)
+    i = _window_inputs(p, sid, old, new, ready, ok, new_ok, valid, valid + 1, ZERO)
     c, dog = s.control, s.dog
     window, _ = run_undisturbed(p, s, i, valid)
     after = window.control
@@ -180,15 +181,15 @@ def play(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
         slot += spi_dac.LOAD_TICK
         frame_tick = first + k
         if frame_tick <= last and rates.quadrature_due(p.design, frame_tick, p.quadrature_fast) == 1:
-            done = slot >= SLOT_ROOT + isqrt.LATENCY - 1
-            quadrature = after.quadrature_loop.root.y if done else c.quadrature_loop.root.y
+            root_ready = slot >= SLOT_ROOT + isqrt.LATENCY - 1
+            quadrature = after.quadrature_loop.root.y if root_ready else c.quadrature_loop.root.y
         if k > 0:
             dog = watchdog.step(p.watchdog, dog, 1, 0)
     return Window(after, window.bank, dog, window.turn, ZERO, quadrature), count
 
 
 @outlined
-def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
+def _advance_by_edge(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
     """As `play`, for any window, edge by edge."""
     clocks, frame_ticks, last = p.design.tick_clocks, p.design.frame_ticks, last_load_tick(p)
     _, sense_load = path_clocks.loads(p.paths)
@@ -206,6 +207,6 @@ def _played(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
                 due = rates.quadrature_due(p.design, frame_tick, p.quadrature_fast)
                 if due == 1 and frame_tick <= last:
                     s = s._replace(quadrature=s.control.quadrature_loop.root.y)
-            i = _inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
+            i = _window_inputs(p, sid, old, new, ready, ok, new_ok, valid, clock, s.dog.stale)
             s = edge(p, s, i, clock, 1 if clock == valid else 0, NO_HOST)
     return s, n

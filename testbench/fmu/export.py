@@ -41,7 +41,7 @@ MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 DATE = (1980, 1, 1, 0, 0, 0)  # the same bytes whenever it is written
 
 
-def place(version):
+def binary_platform(version):
     """(folder of the binary, its suffix) of an FMU on this machine."""
     if platform.system() not in SYSTEMS:
         raise ConfigError(f"gyro fmu: binaries are made on {' and '.join(SYSTEMS)}, not on {platform.system()}")
@@ -69,16 +69,16 @@ def _templates(*names):
 class Unit:
     """One FMU before it is compiled: its variables, sources and resources."""
 
-    def __init__(self, name, version, shown, sources, resources, tick_hz):
+    def __init__(self, name, version, fmu_variables, sources, resources, tick_hz):
         digits = version[0]
-        self.name, self.version, self.shown, self.tick_hz = name, version, shown, tick_hz
+        self.name, self.version, self.fmu_variables, self.tick_hz = name, version, fmu_variables, tick_hz
         self.sources = sources | _templates(*COMMON, f"fmi{digits}.c", f"fmi{digits}.h")
         self.resources = resources
-        said = hashlib.sha256(repr((name, version, shown, tick_hz)).encode())
+        digest = hashlib.sha256(repr((name, version, fmu_variables, tick_hz)).encode())
         for key, content in sorted((*self.sources.items(), *resources.items())):
-            said.update(key.encode() + b"\0" + (content.encode() if isinstance(content, str) else content))
-        self.token = f"{{{said.hexdigest()}}}"
-        self.sources["variables.h"] = variables.header(shown, self.token, tick_hz)
+            digest.update(key.encode() + b"\0" + (content.encode() if isinstance(content, str) else content))
+        self.token = f"{{{digest.hexdigest()}}}"
+        self.sources["variables.h"] = variables.header(fmu_variables, self.token, tick_hz)
 
     @property
     def compiled(self):
@@ -95,9 +95,9 @@ class Unit:
 
     def contents(self):
         """{path: bytes} of the FMU."""
-        folder, suffix = place(self.version)
+        folder, suffix = binary_platform(self.version)
         described = description.model(
-            self.version, self.name, TEXTS[self.name], self.token, self.shown, self.compiled, self.tick_hz
+            self.version, self.name, TEXTS[self.name], self.token, self.fmu_variables, self.compiled, self.tick_hz
         )
         files = {"modelDescription.xml": described, f"binaries/{folder}/gyro_{self.name}{suffix}": self.binary()}
         files |= {f"sources/{name}": text for name, text in self.sources.items()}
@@ -126,14 +126,14 @@ def units(config, version="3.0"):
     lo, hi = min(lo, timeline.temp_before_degc), max(hi, timeline.temp_before_degc)
     sim = Simulation(config, lo, hi, engine="clocked")
     tick_hz = config.design_record().tick_hz
-    found = plant_words.words(config, sim.params.plant, lo, hi)
+    constants = plant_words.words(config, sim.params.plant, lo, hi)
     start = firmware_source.power_on_codes(config)
     return (
         Unit(
             "firmware",
             version,
             variables.firmware(),
-            firmware_source.texts(sim.params, sim.state, sim.first_writes) | _templates("firmware_model.c"),
+            firmware_source.source_texts(sim.params, sim.state, sim.first_writes) | _templates("firmware_model.c"),
             {},
             tick_hz,
         ),
@@ -142,7 +142,7 @@ def units(config, version="3.0"):
             version,
             variables.plant(start, lo, float(config.effects.acceleration)),
             _templates(*PLANT),
-            {"plant.bin": plant_words.binary(found)},
+            {"plant.bin": plant_words.binary(constants)},
             tick_hz,
         ),
     )
@@ -163,9 +163,9 @@ def _files(config, version):
     files = {f"{unit.name}.fmu": archive(unit.contents()) for unit in units(config, version)}
     if version == "3.0":
         record = config.design_record()
-        known = f'#define PLATFORM "{place(version)[0]}"\n#define LIBRARY "{place(version)[1]}"\n'
-        known += f"enum {{ LOCKED = {sequencer.LOCKED}, FRAME_TICKS = {record.frame_ticks} }};\n"
-        known += f"#define TICK_S {1 / record.tick_hz!r}\n"
-        texts = {**_templates(*IMPORTER), "of_export.h": known}
+        header = f'#define PLATFORM "{binary_platform(version)[0]}"\n#define LIBRARY "{binary_platform(version)[1]}"\n'
+        header += f"enum {{ LOCKED = {sequencer.LOCKED}, FRAME_TICKS = {record.frame_ticks} }};\n"
+        header += f"#define TICK_S {1 / record.tick_hz!r}\n"
+        texts = {**_templates(*IMPORTER), "of_export.h": header}
         files |= {f"importer/{name}": text.encode() for name, text in texts.items()}
     return files

@@ -9,7 +9,7 @@ from fpga_model import top as fpga
 from testbench import flatten
 from testbench.engines import chips, engine
 from testbench.golden.c_model import export as c_model
-from testbench.golden.c_model.kinds import NUMBER, kind_of
+from testbench.golden.c_model.kinds import NUMBER, infer_kind
 
 
 def _array(name, values):
@@ -21,17 +21,17 @@ def _leaves(record):
     return [value for _, value in flatten.leaves(record)]
 
 
-def texts(params, state, first_writes):
+def source_texts(params, state, first_writes):
     """{name: text} of `engine.Params` and its `engine.State` at power-on; host writes [(name, raw)], one per tick."""
     parts, chip = params.chips, state.chips
 
     values = []
 
-    def extend(program, whole):
-        values.extend(value for _, _, value, _ in whole.params)
-        kinds = whole.kinds["s"], whole.pins[0][1].result
-        codes = kind_of((0,) * adc_serial.CHANNELS)
-        every = kind_of(parts), NUMBER, kind_of(chip), kinds[1], kind_of((0, 0)), NUMBER, NUMBER, codes
+    def extend(program, model):
+        values.extend(value for _, _, value, _ in model.params)
+        kinds = model.kinds["s"], model.pins[0][1].result
+        codes = infer_kind((0,) * adc_serial.CHANNELS)
+        every = infer_kind(parts), NUMBER, infer_kind(chip), kinds[1], infer_kind((0, 0)), NUMBER, NUMBER, codes
         for kind in every:
             program.declare(kind)
         program.function(engine.chips_after, every)
@@ -61,5 +61,5 @@ def texts(params, state, first_writes):
 
 def power_on_codes(config):
     """{name of an input of the plant: code of the DAC at power-on}."""
-    roles = chips.parts(chips.of(config.design))._asdict()
+    roles = chips.parts(chips.design_chips(config.design))._asdict()
     return {f"{role}_code": dac_serial.reset(part).code for role, part in roles.items()}

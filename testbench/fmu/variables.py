@@ -42,7 +42,7 @@ CONVERTER = (
 )
 
 
-def _of(rows, causality, start):
+def _code_variables(rows, causality, start):
     return [Variable(name, INT32, causality, text, start.get(name, 0), size) for name, text, size in rows]
 
 
@@ -53,7 +53,7 @@ def firmware():
         Variable("host_address", INT32, INPUT, "address of the register that the host writes"),
         Variable("host_data", INT64, INPUT, "raw word of 48 bits that the host writes"),
     ]
-    shown = [
+    outputs = [
         Variable("read_code", INT32, OUTPUT, "codes that the firmware has read last", size=CHANNELS),
         Variable("frequency_word", INT64, OUTPUT, "word of the DDS"),
         Variable("amplitude_word", INT64, OUTPUT, "word of the amplitude loop"),
@@ -65,7 +65,7 @@ def firmware():
         Variable("rate_output", REAL, OUTPUT, "measured rate", unit="deg/s"),
     ]
     idle = {"drdy_clock": -1}
-    return [TIME, *_of(CONVERTER, INPUT, idle), *host, *_of(PINS, OUTPUT, {}), *shown]
+    return [TIME, *_code_variables(CONVERTER, INPUT, idle), *host, *_code_variables(PINS, OUTPUT, {}), *outputs]
 
 
 def plant(start, temp_degc, acceleration_g=0.0):
@@ -81,7 +81,7 @@ def plant(start, temp_degc, acceleration_g=0.0):
         Variable("y", REAL, OUTPUT, "displacement of the sense mode", unit="m"),
     ]
     idle = {"drive_clock": -1, "sense_clock": -1, **start}
-    return [TIME, *stimulus, *_of(PINS, INPUT, idle), *_of(CONVERTER, OUTPUT, {}), *motion]
+    return [TIME, *stimulus, *_code_variables(PINS, INPUT, idle), *_code_variables(CONVERTER, OUTPUT, {}), *motion]
 
 
 def numbered(variables):

@@ -38,7 +38,7 @@ def export(
     from testbench.errors import ConfigError
     from testbench.golden.bundles import bundle
     from testbench.golden.bundles.export import export as write
-    from testbench.storage.files import together
+    from testbench.storage.files import atomic_outputs
 
     if out is None and c is None:
         raise ConfigError("export: one of --out DIR and --c DIR is needed")
@@ -49,7 +49,7 @@ def export(
         shown = c / "golden" if out is None else out
         exported_bundles.extend((shown.joinpath(*path.parts[-2:]), manifest) for path, manifest in written)
 
-    with together():
+    with atomic_outputs():
         files = [] if c is None else _export_c(c, config, None if out else lambda new: write_bundles(new / "golden"))
         if out is not None:
             write_bundles(out)
@@ -258,17 +258,17 @@ def wrap(
 ):
     """Write a folder in which `make check RTL=... FILES=...` runs a design with names of its own, without Python."""
     from testbench.errors import ConfigError
+    from testbench.golden.bundles import adapted_bundle as wrapped
     from testbench.golden.bundles import bundle
-    from testbench.golden.bundles import wrap as wrapped
 
     out = out or folder.with_name(f"{folder.name}_{level}")
     if bundle.verify(folder, strict=False)["block"] == "top":
-        manifest = wrapped.pins_of(folder, level, out, map_path, latency=latency)
+        manifest = wrapped.write_pin_bundle(folder, level, out, map_path, latency=latency)
         typer.echo(f"{out}  {manifest['n']} rows, {manifest['frames']} frames at level {level}")
         return
     if map_path is None:
         raise ConfigError("wrap: --map TOML is needed for a block")
-    adapted_bundle = wrapped.wrap(folder, map_path, level, out, latency)
+    adapted_bundle = wrapped.write_adapted_bundle(folder, map_path, level, out, latency)
     rows = f"{len(adapted_bundle.golden.exp)} rows" + (
         f" from row {adapted_bundle.first} of the bundle" if adapted_bundle.first else ""
     )
@@ -285,11 +285,11 @@ def ranges(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
     """Proven and seen range of every register, headroom, and the widest intermediate result."""
-    from testbench.golden.bundles.export import chosen
+    from testbench.golden.bundles.export import select_blocks
     from testbench.golden.ranges import range_report
 
     range_entries = {
-        f"{b.stem}/{case}": range_report.case_range_entry(b, case) for b in chosen(block) for case in b.cases
+        f"{b.stem}/{case}": range_report.case_range_entry(b, case) for b in select_blocks(block) for case in b.cases
     }
     if as_json:
         typer.echo(json.dumps({"ranges": range_entries}))

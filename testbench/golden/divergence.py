@@ -18,7 +18,7 @@ from testbench.errors import FileError
 from testbench.golden.bundles import bundle, export, recompute
 from testbench.golden.bundles import top as bundles
 from testbench.golden.check import compare, top_run
-from testbench.golden.diagnosis.of_top import port_of
+from testbench.golden.diagnosis.design_graph import report_name
 from testbench.golden.recording import board_pins, recording, replay
 from testbench.storage import vcd
 from testbench.storage.files import write_text
@@ -33,7 +33,7 @@ AFTER = 64  # rows of a block behind it
 def _write_waveform(folder, waveform, first, at, top, clock_hz, expanded):
     """Write the waveform of (signals, rows, known) from row `first` on; its set-up has the marker at row `at`."""
     path, (signals, rows, valid_masks) = folder / "window.vcd", waveform
-    vcd.write_vcd(path, rows, signals, first_edge=first, top=top, clock_hz=clock_hz, known=valid_masks)
+    vcd.write_vcd(path, rows, signals, first_edge=first, top=top, clock_hz=clock_hz, valid=valid_masks)
     marker_ps = int(vcd.picoseconds(at - first, clock_hz))
     vcd.write_gtkw(folder / "window.gtkw", path, signals, top=top, expanded=expanded, marker_ps=marker_ps)
 
@@ -46,15 +46,17 @@ def write(folder, difference):
     full_recording = recording.Recording(CASE, observation.params, frames, frames, observation.stimulus, (), "")
     divergence_window = recording.Window(first, row + 1 - first, "up to the row that differs")
     out, at = folder / "bundle" / bundles.STEM / CASE, np.arange(first, row + 1)
-    manifest = bundles.write(bundles.begun(full_recording, frames, (divergence_window,)), out, at, of_board=True)
+    manifest = bundles.write(
+        bundles.first_frames(full_recording, frames, (divergence_window,)), out, at, include_design=True
+    )
     golden = replay.run(observation.params, observation.stimulus, -(-end // design.frame_clocks), np.arange(first, end))
     golden = np.column_stack([golden.inputs, golden.registers, golden.pins])
-    report = _report(observation, top_run.named(manifest) | {"n": end - first}, golden, first, row)
+    report = _report(observation, top_run.prefixed_manifest(manifest) | {"n": end - first}, golden, first, row)
     # behind the difference there was no plant
     end = row + 1
     _write_package(
         folder,
-        _use_port_names(bundles.block({CASE: observation.params}, design)),
+        _use_port_names(bundles.make_block({CASE: observation.params}, design)),
         golden[: end - first],
         report,
         first,
@@ -81,7 +83,7 @@ def _report(observation, manifest, golden, first, row):
 
 def _use_port_names(block):
     """The block of the whole design with the names of a report."""
-    return block._replace(registers=tuple(p._replace(name=port_of(p.name)) for p in block.registers))
+    return block._replace(registers=tuple(p._replace(name=report_name(p.name)) for p in block.registers))
 
 
 def _build_waveform(block, rows, report, first, end):
@@ -121,7 +123,7 @@ def write_block(folder, bundle_folder, report):
     folder, bundle_folder, d = Path(folder), Path(bundle_folder), report.divergence
     golden = bundle.read(bundle_folder)
     manifest, begin, at = golden.manifest, report.first_row, d.before[-1][0]
-    block = recompute.block_of(bundle_folder / bundle.MANIFEST, manifest)
+    block = recompute.manifest_block(bundle_folder / bundle.MANIFEST, manifest)
     end = min(d.cycle + 1 + AFTER, begin + report.rows)
     # from the reset on: a design has states that no port shows
     stim, out = golden.stim[begin:end], folder / "bundle" / block.stem / report.case
@@ -137,17 +139,19 @@ def write_top(folder, bundle_folder, report):
     """The same of a report on the whole design; returns its folder."""
     folder, bundle_folder, at = Path(folder), Path(bundle_folder), report.divergence.before[-1][0]
     manifest = bundle.read(bundle_folder).manifest
-    r, pins_only = bundles.replayed(bundle_folder, manifest), report.level != "registers"
+    r, pins_only = bundles.read_recording(bundle_folder, manifest), report.level != "registers"
     clocks, begin = manifest["frame_cycles"], report.first_row
     end = min(at + 1 + AFTER, begin + len(next(iter(report.got.values())).values))
     first = max(begin, at + 1 - FRAMES * clocks)
-    cut = bundles.begun(r, -(-end // clocks), (recording.Window(first, end - first, "around the row that differs"),))
+    cut = bundles.first_frames(
+        r, -(-end // clocks), (recording.Window(first, end - first, "around the row that differs"),)
+    )
     out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
-    latency_clocks = bundles.late_of(bundle_folder, manifest) | {
+    latency_clocks = bundles.pin_delays(bundle_folder, manifest) | {
         name.removeprefix("o_"): k for name, k in report.clocks.items()
     }
     bundles.write(cut, out, np.arange(first, end), "design" in manifest, level, clocks=latency_clocks)
-    golden, block = bundle.read(out), bundles.block({r.name: r.params}, r.params.design)
+    golden, block = bundle.read(out), bundles.make_block({r.name: r.params}, r.params.design)
     block = block._replace(registers=()) if pins_only else _use_port_names(block)
     rows = np.column_stack([golden.stim, golden.exp])
     return _write_package(folder, block, rows, report, first, end)

@@ -65,7 +65,7 @@ def loop(o):
         outcome = run.run(chosen, o.rtl, o.build, progress, pins=pins)
     report = divergence.write(o.out, outcome.difference) if o.out and outcome.difference else None
     if o.as_json:
-        package_summary = {"written": str(o.out), "diagnosis": report.causes()} if report else {"written": None}
+        package_summary = {"written": str(o.out), "diagnosis": report.cause_entries()} if report else {"written": None}
         typer.echo(json.dumps(outcome.to_dict() | package_summary))
     else:
         typer.echo(outcome.text() + (f"\n{report.why()}package           {o.out}" if report else ""))

@@ -10,7 +10,7 @@ Source  docs/phases.md, docs/foreign_designs.md
 from typing import NamedTuple
 
 from testbench import config as configuration
-from testbench.golden.foreign import lateness
+from testbench.golden.foreign import latency_effects
 from testbench.paper.loop import derived
 from testbench.run.budget import Rows
 
@@ -45,7 +45,7 @@ def costs(stem, case, clocks, config=None):
     start = config.scenario.temperature_degc
     temp_degc = start if isinstance(start, (int, float)) else start[0][1]
     port_costs, unlagged_loop = [], None
-    for lag in lateness.lags(stem, case, clocks):
+    for lag in latency_effects.lags(stem, case, clocks):
         unlagged_loop = unlagged_loop or derived.derive(config, temp_degc)
         hz = config.design_record().master_hz
         degrees = Rows(unlagged_loop.frequency_hz, hz, hz).clocks("", lag.clocks).degrees

@@ -80,7 +80,7 @@ def bundles(rtl, out, options):
     return passed
 
 
-def closed_loop(rtl, out, options):
+def check_loop(rtl, out, options):
     """The story around the design; True without a difference."""
     outcome = loop.run(loop.story(options.seconds), rtl)
     print_progress("  " + outcome.text().replace("\n", "\n  "))
@@ -152,7 +152,7 @@ def scores(rtl, out, options):
     return all_passed
 
 
-PARTS = {"bundles": bundles, "loop": closed_loop, "proofs": proofs, "synthesis": netlists, "mutation": scores}
+PARTS = {"bundles": bundles, "loop": check_loop, "proofs": proofs, "synthesis": netlists, "mutation": scores}
 
 
 def main(arguments=None):

@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 from fpga_model import block, control, top, wiring
-from fpga_model.block import flat, leaves
+from fpga_model.block import leaves, port_name
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import RULES, Width, bits, formats
 from testbench.errors import FileError
@@ -37,7 +37,7 @@ def _instance_ports(module):
     """[(port, format)] of an instance: inputs, registers and pins, without clock and reset."""
     if module in FILES.values():
         return _module_ports(module)
-    registers = [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
+    registers = [(f"r_{port_name(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
     return [*block.inputs(module, RULES), *registers, *((f"o_{name}", fmt) for name, fmt in block.pins(module, RULES))]
 
 
@@ -46,10 +46,10 @@ def _module_ports(module):
     read = {leaf.name for wire in wiring.trace(module).wires for leaf in wire.signal.leaves}
     port_formats = []
     for name, shape in module.INPUTS.items():
-        for path, fmt in leaves(block.at_design(shape, RULES), "" if name == "i" else name):
+        for path, fmt in leaves(block.design_formats(shape, RULES), "" if name == "i" else name):
             if name != "bank" or path in read:
-                port_formats.append((flat(path), fmt))
-    port_formats += [(f"r_{flat(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
+                port_formats.append((port_name(path), fmt))
+    port_formats += [(f"r_{port_name(path)}", fmt) for path, fmt in leaves(formats(module.State, RULES))]
     pins = formats(module.Pins)._asdict() if hasattr(module, "Pins") else module.OUTPUTS
     return [*port_formats, *((f"o_{name}", fmt) for name, fmt in pins.items())]
 
@@ -72,7 +72,7 @@ def _parameters(module):
             *block.parameters(module, RULES).items(),
             *(("ROM_FILE", None) for _ in module.BLOCK.roms),
         ]
-    parameter_formats += [(flat(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
+    parameter_formats += [(port_name(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
     return [*parameter_formats, *((name, None) for stem, name in ROMS.items() if stem in map(_stem, parts))]
 
 
@@ -175,11 +175,11 @@ class Design:
         """What a leaf is called in Verilog: a part of a register where the port has fewer bits."""
         if leaf.kind == "register":
             cut = f"[{fmt.width - 1}:0]" if fmt.width < self.widths[leaf.name] else ""
-            return f"r_{flat(leaf.name)}{cut}"
+            return f"r_{port_name(leaf.name)}{cut}"
         if leaf.kind == "pin":
             role, _, pin = leaf.name.rpartition(".")
             return self.old[role].get(f"o_{pin}", f"{role}_{pin}")
-        return flat(leaf.name)
+        return port_name(leaf.name)
 
     def connection(self, role, port, fmt, wires):
         """What a port is connected to: a net where nothing but a wire is between, else what is written by hand."""
@@ -189,7 +189,7 @@ class Design:
         if port == "ROM_FILE":
             return ROMS[_stem(module)]
         if port.startswith("r_"):
-            return f"r_{flat(role)}_{port[2:]}"
+            return f"r_{port_name(role)}_{port[2:]}"
         if port.startswith("o_"):
             return self.old[role].get(port, f"{role}_{port[2:]}")
         wire = wires.get((role, port))
@@ -207,7 +207,7 @@ class Design:
         lines = [f"        .{name:<{pad}}({self.connection(role, name, fmt, wires)})" for name, fmt in ports]
         return ",\n".join(lines)
 
-    def instance(self, role):
+    def instance_text(self, role):
         """Text of an instance."""
         module = self.trace.instances[role][0]
         wires = {(wire.instance, wire.port): wire for wire in self.trace.wires}
@@ -224,7 +224,7 @@ class Design:
         end = text.index("\n);\n", begin)
         text = text[:begin] + format_module_head(self.module, text[begin:end]) + text[end:]
         for role in self.trace.instances:
-            text = self.pattern(role).sub(lambda _, role=role: self.instance(role), text, count=1)
+            text = self.pattern(role).sub(lambda _, role=role: self.instance_text(role), text, count=1)
         return text
 
 

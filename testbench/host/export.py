@@ -36,7 +36,7 @@ OPEN_FIRST = ("Makefile", "host.c", "access.h", "gyro_loop.h", "gyro_bus.h", "gy
 MARK = "gyro_loop.h"  # a folder with it is one of ours
 
 
-def locked(config):
+def locked_simulation(config):
     """(`Simulation` at the begin of a frame, its rate in rad/s) of a configuration; ConfigError if it does not lock."""
     timeline = scenario.expand(config.scenario, config.design_record())
     rate_rad_s, temp_degc = timeline.rate_before_rad_s, timeline.temp_before_degc
@@ -77,6 +77,6 @@ def export(folder, config, bus="spi"):
         raise ConfigError(f"gyro host: --bus {bus}: one of {', '.join(BUSES)} is needed")
     folder = Path(folder)
     with replacing_folder(folder, MARK) as new:
-        write_loop(new, *locked(config), bus)
+        write_loop(new, *locked_simulation(config), bus)
         register_map.export(new / "map", config)
     return [folder / name for name in OPEN_FIRST]

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from testbench.errors import FileError
 from testbench.judge import numbers as printed
 from testbench.judge.numbers import ROOM_DEGC, Number
-from testbench.judge.roles import Rule, rule_of
+from testbench.judge.roles import Rule, matching_rule
 from testbench.judge.verdict import NOT_COMPUTED, Part, Value, verdict, worst
 
 NAME_OF = {
@@ -68,13 +68,13 @@ class Row(NamedTuple):
         return worst(self.parts) or next(iter(self.parts), None)
 
 
-def _at(model, case, temp_degc, symbol):
+def _model_value(model, case, temp_degc, symbol):
     return model.points.get((case, temp_degc), {}).get(NAME_OF[symbol])
 
 
 def _mean(model, symbol, temp_degc, cases=CASES):
     """(`Value` of the mean over cases, standard deviation between them), or (None, None)."""
-    values = [_at(model, case, temp_degc, symbol) for case in cases]
+    values = [_model_value(model, case, temp_degc, symbol) for case in cases]
     if None in values:
         return None, None
     mean = sum(v.value for v in values) / len(values)
@@ -86,9 +86,9 @@ def _less(a, b):
     return None if a is None or b is None else Value(a.value - b.value, math.hypot(a.sigma, b.sigma))
 
 
-def change(model, symbol, pair, temp_degc):
+def relative_change(model, symbol, pair, temp_degc):
     """abs(after - before) / abs(before) of a quantity between two cases as a `Value`; None if one is not there."""
-    before, after = (_at(model, case, temp_degc, symbol) for case in pair)
+    before, after = (_model_value(model, case, temp_degc, symbol) for case in pair)
     if before is None or after is None or not before.value:
         return None
     scale = abs(before.value)
@@ -97,18 +97,18 @@ def change(model, symbol, pair, temp_degc):
 
 def _mean_parts(number, model, rows):
     symbol, temp = number.symbol, number.temp_degc
-    found, sd = _mean(model, symbol, temp)
-    parts = [Part("mean over cases", number.values[0], number.sigma, found)]
-    room = printed.mean_of(rows, symbol, ROOM_DEGC)
+    model_mean, sd = _mean(model, symbol, temp)
+    parts = [Part("mean over cases", number.values[0], number.sigma, model_mean)]
+    room = printed.case_mean(rows, symbol, ROOM_DEGC)
     if temp != ROOM_DEGC and room and room.sigma is not None:
         paper, sigma = number.values[0] - room.values[0], math.hypot(number.sigma, room.sigma)
-        parts.append(Part("less that at 25 degC", paper, sigma, _less(found, _mean(model, symbol, ROOM_DEGC)[0])))
+        parts.append(Part("less that at 25 degC", paper, sigma, _less(model_mean, _mean(model, symbol, ROOM_DEGC)[0])))
     between = printed.std(number)
     if between is not None:
         # the spread of n draws is known to 1 / sqrt(2 (n - 1)) of itself
         sigma = between / math.sqrt(2 * (printed.CASES - 1))
-        own = None if sd is None else Value(sd, found.sigma)
-        parts.append(Part("standard deviation between cases", between, sigma, own, "<"))
+        model_sd = None if sd is None else Value(sd, model_mean.sigma)
+        parts.append(Part("standard deviation between cases", between, sigma, model_sd, "<"))
     return parts
 
 
@@ -124,19 +124,21 @@ def _residual_parts(number, model, rows):
 
 def _bandwidth_parts(number, model, rows):
     cases = [c for c in "12345" if c in number.case]
-    return [Part(f"case {c}", number.values[0], None, _at(model, c, ROOM_DEGC, "BW"), number.bound) for c in cases]
+    return [
+        Part(f"case {c}", number.values[0], None, _model_value(model, c, ROOM_DEGC, "BW"), number.bound) for c in cases
+    ]
 
 
 def _pair(number):
-    found = tuple(c for c in number.case if c.isdigit())
-    if len(found) != 2:
+    cases = tuple(c for c in number.case if c.isdigit())
+    if len(cases) != 2:
         raise FileError(f"{number.quantity}: case {number.case[:40]!r} does not name two cases")
-    return found
+    return cases
 
 
 def _change_parts(number, model, rows):
     pair, temp = _pair(number), number.temp_degc
-    return [Part("relative change", number.values[0], number.sigma, change(model, number.symbol, pair, temp))]
+    return [Part("relative change", number.values[0], number.sigma, relative_change(model, number.symbol, pair, temp))]
 
 
 def _excursion_parts(number, model, rows):
@@ -147,7 +149,13 @@ def _excursion_parts(number, model, rows):
 def _among_parts(number, model, rows):
     pairs = itertools.combinations([c for c in number.case if c.isdigit()], 2)
     return [
-        Part(f"{s}, {'-'.join(pair)}, {t:g} degC", number.values[0], None, change(model, s, pair, t), number.bound)
+        Part(
+            f"{s}, {'-'.join(pair)}, {t:g} degC",
+            number.values[0],
+            None,
+            relative_change(model, s, pair, t),
+            number.bound,
+        )
         for pair in pairs
         for s in number.symbol.split(",")
         for t in TEMPERATURES
@@ -159,7 +167,7 @@ def _ratio_parts(number, model, rows):
     limit, parts = number.values[0], []
     for symbol in number.symbol.split(","):
         for temp in TEMPERATURES:
-            large, small = (change(model, symbol, pair, temp) for pair in (("3", "4"), ("4", "5")))
+            large, small = (relative_change(model, symbol, pair, temp) for pair in (("3", "4"), ("4", "5")))
             more = small and Value(limit * small.value, limit * small.sigma)
             parts.append(Part(f"{symbol}, {temp:g} degC, change 3-4 less {limit:g} times 4-5", 0.0, None,
                               _less(large, more), number.bound))  # fmt: skip
@@ -179,7 +187,7 @@ def _rise_parts(number, model, rows):
 def _fall_parts(number, model, rows):
     parts = []
     for pair in (("1", "2"), ("2", "3")):
-        before, after = (_at(model, case, ROOM_DEGC, "Ad") for case in pair)
+        before, after = (_model_value(model, case, ROOM_DEGC, "Ad") for case in pair)
         parts.append(Part(f"A_d (V), case {pair[1]} less {pair[0]}", 0.0, None, _less(after, before), number.bound))
     return parts
 
@@ -187,10 +195,11 @@ def _fall_parts(number, model, rows):
 def _setting_parts(number, model, rows):
     have, bound = model.settings.get(number.quantity), number.bound
     have = have or model.settings.get(f"{number.quantity}, {number.symbol}")
-    own = have if have and len(have) == len(number.values) else (None,) * len(number.values)
-    sigma = 0.0 if len(own) > 1 else number.sigma
+    model_values = have if have and len(have) == len(number.values) else (None,) * len(number.values)
+    sigma = 0.0 if len(model_values) > 1 else number.sigma
     return [
-        Part("setting", paper, sigma, None if v is None else Value(v), bound) for paper, v in zip(number.values, own)
+        Part("setting", paper, sigma, None if v is None else Value(v), bound)
+        for paper, v in zip(number.values, model_values)
     ]
 
 
@@ -218,9 +227,9 @@ CLAIMS = {
 PLAIN = ("phase", "residual", "mean", "change")  # claims of a number with an uncertainty, not of a bound
 
 
-def judge(number, model, rows):
+def judge_number(number, model, rows):
     """`Row` of one number; `rows` are all of them."""
-    rule = rule_of(number)
+    rule = matching_rule(number)
     if rule.claim in PLAIN and number.sigma is None:
         raise FileError(f"{number.quantity}: {number.text[:40]!r} is not a number")
     parts = tuple(CLAIMS[rule.claim](number, model, rows)) if number.values else ()
@@ -230,11 +239,11 @@ def judge(number, model, rows):
 
 def rows(model, path=None):
     """[Row, ...] of all numbers, those of a file in place of the paper's if `path` is given."""
-    listed = printed.numbers(path)
-    return [judge(n, model, listed) for n in listed]
+    printed_numbers = printed.numbers(path)
+    return [judge_number(n, model, printed_numbers) for n in printed_numbers]
 
 
 def phase_rows(node_deg, path=None):
     """{node: Row} of the four uncompensated phases, from {node: Value} of node phases (deg)."""
-    found = [r for r in rows(Model("", node_deg=node_deg), path) if r.rule.claim == "phase"]
-    return {r.number.symbol.removeprefix("phi_"): r for r in found}
+    claim_rows = [r for r in rows(Model("", node_deg=node_deg), path) if r.rule.claim == "phase"]
+    return {r.number.symbol.removeprefix("phi_"): r for r in claim_rows}

@@ -68,7 +68,7 @@ class Number(NamedTuple):
 BOUNDS = (("<", "<"), ("within", "<"), ("falls", "<"), (">", ">"), ("increased by more than", ">"), ("rise", ">"))
 
 
-def _plain(row):
+def _parse_row(row):
     """`Number` of a row of the list, without its uncertainty."""
     text = row["value"]
     bound = next((sign for word, sign in BOUNDS if text.startswith(word)), "")
@@ -85,19 +85,19 @@ def step(text):
 
 def std(number):
     """Standard deviation that a row prints, or None."""
-    found = re.search(rf"std ({DIGITS})", number.spread)
-    return float(found.group(1)) if found else None
+    match = re.search(rf"std ({DIGITS})", number.spread)
+    return float(match.group(1)) if match else None
 
 
-def mean_of(rows, symbol, temp_degc):
+def case_mean(rows, symbol, temp_degc):
     """The row of a quantity's mean over cases 1 to 3 at a temperature, or None."""
-    found = [n for n in rows if n.symbol == symbol and n.case == MEAN and n.temp_degc == temp_degc]
-    return found[0] if len(found) == 1 and found[0].values else None
+    matches = [n for n in rows if n.symbol == symbol and n.case == MEAN and n.temp_degc == temp_degc]
+    return matches[0] if len(matches) == 1 and matches[0].values else None
 
 
 def _phase_rad(rows, symbol, case):
-    found = [n for n in rows if n.symbol == symbol and n.case.startswith(case) and n.values]
-    return math.radians(found[0].values[0]) if found else 0.0
+    matches = [n for n in rows if n.symbol == symbol and n.case.startswith(case) and n.values]
+    return math.radians(matches[0].values[0]) if matches else 0.0
 
 
 def explained_sd(rows, symbol):
@@ -114,36 +114,36 @@ def method_deg(symbol):
     return math.degrees(math.acos(1 - RESOLVED)) if symbol == LEAST_DRIVE else 0.0
 
 
-def repeatability(rows, symbol, temp_degc):
+def relative_repeatability(rows, symbol, temp_degc):
     """Relative standard deviation of one case: what is not explained, of a floor its method's; None if neither."""
-    mean = mean_of(rows, symbol, temp_degc)
+    mean = case_mean(rows, symbol, temp_degc)
     if mean is None or not mean.values[0]:
         return None
     if symbol == FLOOR and std(mean) is None:
         return 1 / math.sqrt(2 * (RECORD_S / FLOOR_S - 1))
     if std(mean) is not None:
-        rest = (std(mean) / abs(mean.values[0])) ** 2 - explained_sd(rows, symbol) ** 2
-        return math.sqrt(max(rest, 0.0))
+        unexplained_variance = (std(mean) / abs(mean.values[0])) ** 2 - explained_sd(rows, symbol) ** 2
+        return math.sqrt(max(unexplained_variance, 0.0))
     among = [n for n in rows if n.quantity.startswith("relative deviations of") and symbol in n.symbol.split(",")]
     return among[0].values[0] / math.sqrt(3) / RANGE_OF_THREE if among and among[0].values else None
 
 
-def _sigma(number, rows):
+def _standard_uncertainty(number, rows):
     """Standard uncertainty of a printed number by the rules above; None for a bound or where there is no number."""
     if number.bound or len(number.values) != 1 or not re.fullmatch(DIGITS, number.text):
         return None
     rounding, value = step(number.text) / math.sqrt(12), number.values[0]
     if number.case == MEAN:
-        share = repeatability(rows, number.symbol, number.temp_degc)
+        share = relative_repeatability(rows, number.symbol, number.temp_degc)
         return math.hypot(rounding, (share or 0.0) * abs(value) / math.sqrt(CASES))
     if number.quantity.startswith("relative deviation rate"):
-        share = repeatability(rows, number.symbol, number.temp_degc)
+        share = relative_repeatability(rows, number.symbol, number.temp_degc)
         return math.hypot(rounding, math.sqrt(2) * (share or 0.0))
     fluctuation = re.search(rf"fluctuation < ({DIGITS})", number.spread)
-    own = std(number) or (float(fluctuation.group(1)) / math.sqrt(3) if fluctuation else 0.0)
-    left = [n.values[0] for n in rows if n.symbol == number.symbol and n.values and COMPENSATED in n.case]
-    left_deg = left[0] if left and number.symbol.startswith("phi_") else 0.0
-    return math.hypot(rounding, own, left_deg, method_deg(number.symbol))
+    printed_spread = std(number) or (float(fluctuation.group(1)) / math.sqrt(3) if fluctuation else 0.0)
+    residuals_deg = [n.values[0] for n in rows if n.symbol == number.symbol and n.values and COMPENSATED in n.case]
+    residual_deg = residuals_deg[0] if residuals_deg and number.symbol.startswith("phi_") else 0.0
+    return math.hypot(rounding, printed_spread, residual_deg, method_deg(number.symbol))
 
 
 def table(path=PATHS[0]):
@@ -161,13 +161,13 @@ def table(path=PATHS[0]):
 
 def read(path):
     """[Number, ...] of a list in CSV; FileError names the path and what is wrong."""
-    rows = [_plain(row) for row in table(path)]
+    rows = [_parse_row(row) for row in table(path)]
     for n in rows:
         if not all(math.isfinite(v) and abs(v) < MOST for v in n.values):
             raise FileError(f"{path}: {n.symbol}: {n.text[:40]!r} is not a number below {MOST:g}")
         if n.kind.startswith("measured") and not n.bound and not re.fullmatch(DIGITS, n.text):
             raise FileError(f"{path}: {n.symbol}: {n.text[:40]!r} is not a number")
-    return [n._replace(sigma=_sigma(n, rows)) for n in rows]
+    return [n._replace(sigma=_standard_uncertainty(n, rows)) for n in rows]
 
 
 def numbers(path=None):

@@ -117,7 +117,7 @@ RULES = (
 OTHER = Rule("", "", "absent", "none", (), "no role is declared for it")
 
 
-def rule_of(number):
+def matching_rule(number):
     """The rule of a number; `OTHER` if no rule matches."""
     text = f"{number.quantity} | {number.case} | {number.temperature} | {number.kind}"
     symbol = "Table" if number.symbol.startswith("Table ") else number.symbol

@@ -37,7 +37,7 @@ def _progress(as_json):
     return Progress(quiet=as_json)
 
 
-def _first(first):
+def _difference_json(first):
     return None if first is None else first._asdict()
 
 
@@ -49,7 +49,7 @@ def _residual_json(residual):
         "compared": list(residual.compared),
         "left_out": residual.left_out,
         "differing": residual.differing,
-        "first": _first(residual.first),
+        "first": _difference_json(residual.first),
         "verdict": residual.verdict,
         "seconds": residual.seconds,
     }
@@ -69,9 +69,9 @@ def check(
     from testbench.measured.record import load
     from testbench.storage.record import RecordError
 
-    found = part_findings([file])
-    if found is not None:
-        return _check_part(file, found, as_json)
+    part_quality = part_findings([file])
+    if part_quality is not None:
+        return _check_part(file, part_quality, as_json)
     findings, residual, refused, quality = [], None, False, ()
     try:
         with _progress(as_json) as progress:
@@ -83,8 +83,8 @@ def check(
         findings, refused = [(text, "refused") for text in problem.findings], True
     blocked = any(level == "blocked" for _, level in findings)
     if as_json:
-        listed = [{"finding": text, "level": level} for text, level in findings]
-        data = {"file": str(file), "accepted": not refused, "findings": listed}
+        finding_rows = [{"finding": text, "level": level} for text, level in findings]
+        data = {"file": str(file), "accepted": not refused, "findings": finding_rows}
         data |= {"quality": [f.as_json() for f in quality]}
         print_json(data | {"r0": None if residual is None else _residual_json(residual)})
     else:
@@ -99,13 +99,13 @@ def check(
         raise typer.Exit(EXIT_REFUSED if refused else EXIT_BLOCKED)
 
 
-def _check_part(file, found, as_json):
+def _check_part(file, findings, as_json):
     """Print the findings about a recording of a part."""
-    refused = any(f.action == "refuse" for f in found)
+    refused = any(f.action == "refuse" for f in findings)
     if as_json:
-        print_json({"file": str(file), "accepted": not refused, "quality": [f.as_json() for f in found]})
+        print_json({"file": str(file), "accepted": not refused, "quality": [f.as_json() for f in findings]})
     else:
-        for finding in found:
+        for finding in findings:
             typer.echo(one_line(finding))
         typer.echo(one_line(f"{file}: {'refused' if refused else 'accepted'}"))
     if refused:
@@ -130,28 +130,28 @@ def record(
 
     from testbench.measured.record import plan as plans
     from testbench.measured.record import produce, schema
-    from testbench.storage.files import together, write_text
+    from testbench.storage.files import atomic_outputs, write_text
     from testbench.storage.record import write_record
 
-    wanted = plans.read(plan)
+    record_plan = plans.read(plan)
     if plant is not None:
-        wanted = plans.with_plant(wanted, plant, plant_file or "")
+        record_plan = plans.with_plant(record_plan, plant, plant_file or "")
     elif plant_file is not None:
         raise ConfigError("--plant-file: needs --plant, the library that reads it")
     with _progress(as_json) as progress:
-        made = produce.record(wanted, progress)
-    with together():
-        digest = write_record(out, made)
+        new_record = produce.record(record_plan, progress)
+    with atomic_outputs():
+        digest = write_record(out, new_record)
         if envelope is not None:
-            write_text(envelope, json.dumps(produce.envelope(wanted), sort_keys=True, indent=1) + "\n")
-    frames = schema.frames_of(made)
-    segments = len(made.tables["segments"]["id"].data)
+            write_text(envelope, json.dumps(produce.envelope(record_plan), sort_keys=True, indent=1) + "\n")
+    frames = schema.frame_count(new_record)
+    segments = len(new_record.tables["segments"]["id"].data)
     if as_json:
         print_json({"file": str(out), "frames": frames, "segments": segments, "content_sha256": digest})
         return
     typer.echo(f"{out}  {frames} frames  {segments} segments  {digest[:16]}")
-    if made.attrs.get("plant_unseen"):
-        typer.echo(f"not seen by the plant: {made.attrs['plant_unseen']}")
+    if new_record.attrs.get("plant_unseen"):
+        typer.echo(f"not seen by the plant: {new_record.attrs['plant_unseen']}")
 
 
 @app.command("import")
@@ -168,16 +168,18 @@ def import_(
     from testbench.measured.record import checks
     from testbench.storage.record import RecordError, write_record
 
-    found = assemble.imported(files, columns)
-    findings = checks.check(found.record)
+    imported = assemble.imported(files, columns)
+    findings = checks.check(imported.record)
     refused = [str(f) for f in findings if f.level == "refused"]
     if refused:
         raise RecordError(columns, refused)
-    digest = write_record(out, found.record)
+    digest = write_record(out, imported.record)
     if as_json:
-        listed = [{"finding": str(f), "level": f.level} for f in findings]
-        return print_json({"file": str(out), "content_sha256": digest, "lines": found.lines, "findings": listed})
-    for text in (*found.lines, *(f"{f} ({f.level})" for f in findings)):
+        finding_rows = [{"finding": str(f), "level": f.level} for f in findings]
+        return print_json(
+            {"file": str(out), "content_sha256": digest, "lines": imported.lines, "findings": finding_rows}
+        )
+    for text in (*imported.lines, *(f"{f} ({f.level})" for f in findings)):
         typer.echo(text)
     typer.echo(f"{out}  {digest[:16]}")
 
@@ -217,7 +219,7 @@ def residuals(
         if overrides:
             model = config.changed(model, {item.path: item.value for item in overrides})
         try:
-            study = residual.study(record, kind, model, progress=progress)
+            study = residual.study_record(record, kind, model, progress=progress)
         except ValueError as problem:
             raise ConfigError(problem) from None
     if as_json:
@@ -254,49 +256,49 @@ def calibrate(
         if loaded.blocked:
             raise ConfigError(f"{file}: {loaded.residual.verdict}; physics waits for an override (R16)")
         try:
-            found = calibration.calibrate(words.completed(loaded.record)[0], starts, progress=progress)
+            result = calibration.calibrate(words.completed(loaded.record)[0], starts, progress=progress)
         except ValueError as problem:
             raise ConfigError(problem) from None
-    held_out = [(a, b) for a, b in zip(found.before.rows, found.after.rows) if a.role == "validate"]
+    heldout_pairs = [(a, b) for a, b in zip(result.before.rows, result.after.rows) if a.role == "validate"]
     if as_json:
         print_json(
             {
-                "values": found.values,
-                "sd": found.sd,
-                "converged": found.converged,
-                "decrement": found.decrement,
-                "costs": list(found.costs),
-                "at_bound": list(found.at_bound),
-                "directions": [d._asdict() for d in found.directions],
-                "evaluations": found.evaluations,
+                "values": result.values,
+                "sd": result.sd,
+                "converged": result.converged,
+                "decrement": result.decrement,
+                "costs": list(result.costs),
+                "at_bound": list(result.at_bound),
+                "directions": [d._asdict() for d in result.directions],
+                "evaluations": result.evaluations,
                 "heldout": [
                     {"group": a.group, "observable": a.observable, "unit": a.unit, "floor": a.floor}
                     | {"uncalibrated": a.rms, "calibrated": b.rms, "chi2_per_bin": b.chi2_per_bin}
-                    for a, b in held_out
+                    for a, b in heldout_pairs
                 ],
             }
         )
         return
     rows = [
-        (p.key, p.unit, f"{p.mean:.9g}", f"{found.values[p.key]:.9g}", f"{found.sd[p.key]:.2g}")
-        for p in found.parameters
+        (p.key, p.unit, f"{p.mean:.9g}", f"{result.values[p.key]:.9g}", f"{result.sd[p.key]:.2g}")
+        for p in result.parameters
     ]
     tables = [Table("Parameters", ("parameter", "unit", "prior", "fitted", "sd"), rows, numeric=(2, 3, 4))]
     rows = [
         (a.group, a.observable, a.unit, f"{b.floor:.3g}", f"{a.rms:.3g}", f"{b.rms:.3g}", f"{b.chi2_per_bin:.3g}")
-        for a, b in held_out
+        for a, b in heldout_pairs
     ]
     heads = ("condition", "observable", "unit", "noise rms", "uncalibrated rms", "calibrated rms", "chi2 / bins")
     if rows:
         tables.append(Table("Held out", heads, rows, numeric=(3, 4, 5, 6)))
     print_tables(tables)
     typer.echo(
-        ("converged" if found.converged else "NOT converged") + f": a further step promises {found.decrement:.2g}"
+        ("converged" if result.converged else "NOT converged") + f": a further step promises {result.decrement:.2g}"
     )
-    typer.echo(f"costs of the starts: {', '.join(f'{cost:.4g}' for cost in found.costs)}")
-    for direction in found.directions:
-        seen = "the prior alone" if direction.eigenvalue < calibration.UNSEEN else "the data"
-        typer.echo(f"{seen} fix {direction.words}  ({direction.eigenvalue:.2g} in units of the prior)")
+    typer.echo(f"costs of the starts: {', '.join(f'{cost:.4g}' for cost in result.costs)}")
+    for direction in result.directions:
+        source = "the prior alone" if direction.eigenvalue < calibration.UNSEEN else "the data"
+        typer.echo(f"{source} fix {direction.words}  ({direction.eigenvalue:.2g} in units of the prior)")
 
 
 class TraceOptions(NamedTuple):
@@ -344,20 +346,20 @@ def trace(o):
     from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
-    given = _pairs(o.option) | ({"priors": o.priors} if o.priors else {})
+    opener_options = _pairs(o.option) | ({"priors": o.priors} if o.priors else {})
     with _progress(False) as progress, determined(o.files):
-        found, name = trace_recording.trace_table(o.files, given), "numbers"
-        if not found:
-            problem = open_problem(o.files, given)
+        traced, name = trace_recording.trace_table(o.files, opener_options), "numbers"
+        if not traced:
+            problem = open_problem(o.files, opener_options)
             part = isinstance(problem, PartProblem)
             most = o.most or (problem.most_laws if part else Options.max_laws)
             alpha = o.alpha or (exam.QUICK.alpha if part else Options.alpha)
             options = Options(alpha, o.looks, seed=o.seed, max_laws=most)
-            found, name = trace_recording.of_problem(problem, options, progress), problem.name
-        if found:
-            page_text = part_page.page(name, trace_recording.section("Verdict", *found)) if o.report else ""
-            _write({o.json_file: trace_recording.text(found[0]), o.report: page_text})
-            return _print_trace(found[0])
+            traced, name = trace_recording.trace_problem(problem, options, progress), problem.name
+        if traced:
+            page_text = part_page.page(name, trace_recording.section("Verdict", *traced)) if o.report else ""
+            _write({o.json_file: trace_recording.text(traced[0]), o.report: page_text})
+            return _print_trace(traced[0])
         tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
     _write({o.json_file: result.text(), o.report: page.html(result, all_figures(tracer)) if o.report else ""})
     for text in problem.warnings:
@@ -367,9 +369,9 @@ def trace(o):
 
 def _write(texts):
     """Write {path: text} together; a path that is None was not given."""
-    from testbench.storage.files import together, write_text
+    from testbench.storage.files import atomic_outputs, write_text
 
-    with together():
+    with atomic_outputs():
         for path, text in texts.items():
             if path is not None:
                 write_text(path, text)

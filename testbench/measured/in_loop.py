@@ -91,12 +91,12 @@ def converter(effects):
         elif key:
             mine[key] = per_volt
     meters.pop("source", None)
-    return {meter: found for meter, found in meters.items() if found}
+    return {meter: settings for meter, settings in meters.items() if settings}
 
 
 def cases(sets):
     """Cases of what the sets have: {set: JSON} as in build/measured.json."""
-    return [case._replace(set=name) for name, data in sets.items() for case in _of_set(name, data["jobs"])]
+    return [case._replace(set=name) for name, data in sets.items() for case in _set_cases(name, data["jobs"])]
 
 
 def controls(device):
@@ -106,7 +106,7 @@ def controls(device):
     return [Case(f"control: {share:g} of the spring", text, {"laws": [text]}) for share, text in texts.items()]
 
 
-def _of_set(name, jobs):
+def _set_cases(name, jobs):
     out, effects = [], jobs[0]["effects"]
     texts = levels(effects, DRIVE_BITS)
     if texts:
@@ -114,9 +114,9 @@ def _of_set(name, jobs):
         out.append(Case(f"{name}: levels as drive DAC", words, {"drive_dac_levels": texts}))
         words, fine = "the same errors in volts, at 20 bit", levels(effects, SENSE_BITS)
         out.append(Case(f"{name}: levels as force DAC", words, {"sense_dac_levels": fine}))
-    out += _of_meters(name, [e for job in jobs for e in job["effects"]])
+    out += _meter_cases(name, [e for job in jobs for e in job["effects"]])
     for job in jobs:
-        out += _of_lines(name, job["effects"])
+        out += _vibration_cases(name, job["effects"])
         for c in job.get("gyroscope", ()):
             title = f"{name}, {job['label']}: {c['name']}"
             words = f"effects.laws: {c['text']}; at 5 um {c['share']:.3g} of the {c['of']}, as in the part"
@@ -124,23 +124,23 @@ def _of_set(name, jobs):
     return out
 
 
-def _of_meters(name, effects):
+def _meter_cases(name, effects):
     """For each kind of law of converters, the meter with the largest coefficient."""
     worst = {}
-    for meter, found in converter([e for e in effects if ": " in e["law"]]).items():
-        for key, value in found.items():
-            if key not in worst or _size(value) > _size(worst[key][1]):
+    for meter, settings in converter([e for e in effects if ": " in e["law"]]).items():
+        for key, value in settings.items():
+            if key not in worst or _magnitude(value) > _magnitude(worst[key][1]):
                 worst[key] = (meter, value)
     out = []
     for key, (meter, value) in sorted(worst.items()):
-        words, degc = f"{key} = {_shown(value)}", 25.0
+        words, degc = f"{key} = {_format_value(value)}", 25.0
         if key == "adc_gain_tc_per_k":
             words, degc = f"{words}, both runs at {WARM_DEGC:g} degC", WARM_DEGC
         out.append(Case(f"{name}: {meter} as converter, {key}", words, {key: value}, temperature_degc=degc))
     return out
 
 
-def _of_lines(name, effects):
+def _vibration_cases(name, effects):
     """Lines of vibration, where they settle."""
     out = []
     for e in effects:
@@ -156,24 +156,24 @@ def not_run(sets):
     out = []
     for name, data in sets.items():
         for job in data["jobs"]:
-            carried = {c["name"] for c in job.get("gyroscope", ())}
+            covered = {c["name"] for c in job.get("gyroscope", ())}
             for e in job["effects"]:
                 meter, _, law = e["law"].partition(": ")
                 converts = _key(law) and meter != "source"
-                if not (e["law"] in carried or levels([e], DRIVE_BITS) or converts or "vibration" in law):
+                if not (e["law"] in covered or levels([e], DRIVE_BITS) or converts or "vibration" in law):
                     out.append((name, job["label"], e["law"], e["port"], e.get("kind", "")))
     return out
 
 
-def _size(value):
+def _magnitude(value):
     return float(np.max(np.abs(value)))
 
 
-def _shown(value):
+def _format_value(value):
     return f"{value:.3g}" if np.isscalar(value) else "[" + ", ".join(f"{v:.2g}" for v in value) + "]"
 
 
-def play(case):
+def run_case(case):
     """`Reading` of the run of a case; one without settings: the board as it is."""
     total = REST_S + 2 * STEP_S
     points = [[0.0, 0.0], [REST_S, 0.0], [REST_S + 0.001, RATE_DPS], [REST_S + STEP_S, RATE_DPS]]
@@ -183,34 +183,36 @@ def play(case):
         t, x = np.array(rate_vibration.profile(total, f_hz, quality, rms, SEED)).T
         steps = np.interp(t, *np.array(points).T)
         points = [[float(a), float(b)] for a, b in zip(t, steps + x)]
-    made = config.Config()
+    loop_config = config.Config()
     scenario = {"seconds": total, "rate_dps": points, "diagnose": False, "temperature_degc": case.temperature_degc}
-    update = {"scenario": made.scenario.model_copy(update=scenario)}
-    made = made.model_copy(update=update | {"effects": made.effects.model_copy(update=case.settings)})
+    update = {"scenario": loop_config.scenario.model_copy(update=scenario)}
+    loop_config = loop_config.model_copy(
+        update=update | {"effects": loop_config.effects.model_copy(update=case.settings)}
+    )
     watch = simulate.Watch("rate_word")
-    simulate.run(made, sinks=(watch,))
+    simulate.run(loop_config, sinks=(watch,))
     rate = watch.values() / WORD_PER_DPS
     per_s = len(rate) / total
     at = [int(per_s * t) for t in (REST_S - MEAN_S, REST_S, REST_S + STEP_S - MEAN_S, REST_S + STEP_S, total - MEAN_S)]
     plus, minus = rate[at[2] : at[3]].mean(), rate[at[4] :].mean()
-    rest = rate[at[0] : at[1]]
-    return Reading(float(rest.mean()), float((plus - minus) / (2 * RATE_DPS)), float(rest.std()), rate)
+    zero_rate = rate[at[0] : at[1]]
+    return Reading(float(zero_rate.mean()), float((plus - minus) / (2 * RATE_DPS)), float(zero_rate.std()), rate)
 
 
-def _locked(case):
+def _run_locked(case):
     """(`Reading`, case) of a run; a law with which the loop does not lock is made weaker by tens, and this is said."""
-    one, weaker = play(case), case
+    one, weaker = run_case(case), case
     for k in range(1, WEAKEST + 1):
         if abs(one.scale) > LOCKED or "laws" not in case.settings:
             break
         laws = []
         for text in case.settings["laws"]:
-            port, _, rest = text.partition(" = ")
-            coefficient, _, product = rest.partition(" ")
+            port, _, expression = text.partition(" = ")
+            coefficient, _, product = expression.partition(" ")
             laws.append(f"{port} = {float(coefficient) * 0.1**k!r} {product}")
         words = f"{case.words}. With it the loop does not lock; the run has 1/{10**k} of it"
         weaker = case._replace(name=f"{case.name}, 1/{10**k} of it", words=words, settings={"laws": laws})
-        one = play(weaker)
+        one = run_case(weaker)
     return one, weaker
 
 
@@ -221,16 +223,16 @@ def section(sets):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    found = cases(sets)
-    if not found:
+    effect_cases = cases(sets)
+    if not effect_cases:
         return "", {}
     bases, rows, words, data, itself = {}, [], [], {}, np.zeros(len(MEASURED))
-    for case in (*controls(config.Config().device()), *found):
+    for case in (*controls(config.Config().device()), *effect_cases):
         degc = case.temperature_degc
         if degc not in bases:
-            bases[degc] = play(Case("", "", {}, temperature_degc=degc))
+            bases[degc] = run_case(Case("", "", {}, temperature_degc=degc))
         base = bases[degc]
-        one, case = _locked(case)
+        one, case = _run_locked(case)
         scale_ppm, bias = (one.scale / base.scale - 1) * 1e6, (one.bias_dps - base.bias_dps) * 3600
         measured = (scale_ppm, bias, 100 * (one.rms_dps / base.rms_dps - 1))
         numbers = dict(zip(("scale_ppm", "bias_deg_per_h", "noise_percent"), measured))
@@ -246,11 +248,12 @@ def section(sets):
         panel.plot(t, change * 3600, lw=0.6, color="#205090")
         panel.set_xlabel("time from lock (s); rate 0, +100, -100 deg/s")
         panel.set_ylabel("change of rate (deg/h)")
-        beyond = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
+        significant = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
         sentence = (
             f"{case.words}. Scale factor {texts[0]} ppm, bias {texts[1]} deg/h, noise of the rate word at rest "
             f"{texts[2]} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms). Above {BEYOND:g} times the controls: {', '.join(beyond) or 'nothing'}."
+            f"{base.rms_dps:.3g} deg/s rms). Above {BEYOND:g} times the controls: "
+            f"{', '.join(significant) or 'nothing'}."
         )
         words.append(
             f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{part_page.png(figure)}<figcaption>"
@@ -258,10 +261,10 @@ def section(sets):
             "bias.</figcaption></figure>"
         )
     head = ("effect", "scale factor (ppm)", "bias (deg/h)", "noise at rest (%)")
-    left, more = not_run(sets), ""
-    if left:
+    omitted, more = not_run(sets), ""
+    if omitted:
         more = "<p>Named effects without a counterpart in the board's plant, not run:</p>" + part_page.table(
-            ("set", "job", "law", "port", "kind"), left
+            ("set", "job", "law", "port", "kind"), omitted
         )
     intro = (
         "<h2>The same effects in the closed loop</h2><p>Pairs of runs of the gyroscope, with and without the effect, "

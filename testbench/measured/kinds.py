@@ -12,7 +12,7 @@ from testbench.measured.parts import (
     adc_linearity,
     dac_levels,
     driven_resonator,
-    gyro_rest,
+    gyro_stationary,
     paper,
     ringdown,
     swept_resonator,
@@ -37,7 +37,7 @@ KINDS = (
     Kind(adc_linearity.jobs, adc_linearity.opener),
     Kind(dac_levels.jobs, dac_levels.opener),
     Kind(driven_resonator.jobs, driven_resonator.opener),
-    Kind(gyro_rest.jobs, gyro_rest.opener),
+    Kind(gyro_stationary.jobs, gyro_stationary.opener),
     Kind(paper.jobs, report=paper.report),
     Kind(ringdown.jobs, ringdown.opener),
     Kind(swept_resonator.jobs, swept_resonator.opener),
@@ -45,6 +45,6 @@ KINDS = (
 )
 
 
-def first(found):
+def first_match(candidates):
     """The first that is not None, or None."""
-    return next((x for x in found if x is not None), None)
+    return next((x for x in candidates if x is not None), None)

@@ -19,14 +19,14 @@ from testbench.measured.parts.part import Part
 from testbench.tracing.trace import Options, Tracer
 
 
-def nulls(problem, count, seed=0, known=(), say=None):
+def nulls(problem, count, seed=0, true_laws=(), say=None):
     """Names of the effects of each of `count` recordings of `problem`'s part; `known`: laws that its truth has, too.
 
     The noise is that of the file; the model that is traced has the known laws in it.
     """
     if isinstance(problem, Part):
         return exam.nulls(problem, count, seed, say)
-    now = absorb(problem, list(known))
+    now = absorb(problem, list(true_laws))
     tracer = Tracer(now, Options(n_null=199, max_laws=1, power=False, experiments=False), None, None)
     if not tracer.calibrate():
         raise RuntimeError("the file's own calibration failed")
@@ -36,10 +36,10 @@ def nulls(problem, count, seed=0, known=(), say=None):
     for k in range(count):
         rng = np.random.default_rng([seed, k])
         data = [mean + now.noise_draw(i, rng) for i, mean in enumerate(clean)]
-        found = add_in_stages(now.with_data(data), Options(ALPHA, seed=k), 1)
-        out.append([e["law"] for e in found.json["effects"]])
+        report = add_in_stages(now.replace_data(data), Options(ALPHA, seed=k), 1)
+        out.append([e["law"] for e in report.json["effects"]])
         if say:
-            say(f"{k + 1}: {out[-1]}, {found.json['verdict']}")
+            say(f"{k + 1}: {out[-1]}, {report.json['verdict']}")
     return out
 
 
@@ -50,11 +50,13 @@ def main(arguments=None):
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--option", action="append", default=[])
-    given = parser.parse_args(arguments)
-    problem = open_problem(given.files, dict(text.split("=", 1) for text in given.option))
-    found = nulls(problem, given.count, given.seed, say=lambda text: print(text, file=sys.stderr, flush=True))
-    named = [names for names in found if names]
-    print(json.dumps({"problem": problem.name, "recordings": len(found), "named": len(named), "names": named}))
+    options = parser.parse_args(arguments)
+    problem = open_problem(options.files, dict(text.split("=", 1) for text in options.option))
+    effects = nulls(problem, options.count, options.seed, say=lambda text: print(text, file=sys.stderr, flush=True))
+    detections = [names for names in effects if names]
+    print(
+        json.dumps({"problem": problem.name, "recordings": len(effects), "named": len(detections), "names": detections})
+    )
     return 0
 
 

@@ -13,10 +13,10 @@ from testbench.errors import FileError
 from testbench.measured.formats import readers
 
 
-def closed_loop(paths, options):
+def open_closed_loop(paths, options):
     """Records of the closed loop (gyrorec). Options: those of `loop_record`, and priors = sheet or a file."""
     from testbench.measured.closed_loop import loop_record
-    from testbench.measured.wide.of_record import Calibrated
+    from testbench.measured.wide.record_priors import Calibrated
 
     return loop_record.open_record(paths, options, Calibrated(options.get("priors")))
 
@@ -27,10 +27,10 @@ def single_part(paths, options):
     from testbench.measured.formats import sheets
     from testbench.measured.quality import examine
 
-    found = examine.refused(sheets.examine(paths, options.get("channel")), options.get("quality", ""))
-    problem = kinds.first(kind.opener(paths, options) for kind in kinds.KINDS)
+    findings = examine.refused(sheets.examine(paths, options.get("channel")), options.get("quality", ""))
+    problem = kinds.first_match(kind.opener(paths, options) for kind in kinds.KINDS)
     if problem is not None:
-        problem.quality = found
+        problem.quality = findings
     return problem
 
 
@@ -56,7 +56,7 @@ def determined(paths):
         raise FileError(f"{paths[0]}: the data do not determine the model: {problem}") from None
 
 
-OPENERS = [closed_loop, single_part]
+OPENERS = [open_closed_loop, single_part]
 
 
 def open_problem(paths, options):

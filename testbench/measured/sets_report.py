@@ -55,13 +55,13 @@ def trace_job(paths, options):
     found = trace_recording.trace_table(paths, options)
     if found is None:
         problem = open_problem(paths, options)
-        found = trace_recording.of_problem(problem) or (loop_trace.run(problem)[1].to_json(), "")
+        found = trace_recording.trace_problem(problem) or (loop_trace.run(problem)[1].to_json(), "")
     return found
 
 
 def run(sets, say=print):
     """({set: JSON}, {set: [(label, JSON, picture)]}, [failures]) of {set: paths}."""
-    out, shown, failures = {}, {}, []
+    out, reports, failures = {}, {}, []
     for name, paths in sets.items():
         rows = []
         for label, chosen, options in jobs(paths):
@@ -76,10 +76,10 @@ def run(sets, say=print):
             seconds = time.monotonic() - start
             rows.append((label, data, image))
             say(f"{name}: {label}: {data['verdict']}, {len(data['effects'])} law(s), {seconds:.0f} s")
-        shown[name] = rows
+        reports[name] = rows
         if rows:
             out[name] = join_reports(rows)
-    return out, shown, failures
+    return out, reports, failures
 
 
 def join_reports(rows):
@@ -112,7 +112,7 @@ def overview(out):
     return part_page.table(head, rows, (3, 4, 5, 6, 7))
 
 
-def rest_words(data, part):
+def residual_words(data, part):
     """One sentence on what is left of a held-out part, from the tests in `part_page.residual_of`."""
     for r in data.get("left", []):
         if part in (r["observable"], r["segment"], f"{r['segment']} {r['observable']}"):
@@ -131,7 +131,7 @@ def rest_words(data, part):
     return data["sentence"]
 
 
-def page(out, shown, failures, loop=""):
+def page(out, reports, failures, loop=""):
     """The page of `make measured`."""
     words = [
         "<p>Recordings that others made of single parts, against the parts of this model. An effect is chosen on some "
@@ -142,19 +142,19 @@ def page(out, shown, failures, loop=""):
     if failures:
         rows = [(s, label, text) for s, label, text in failures]
         words += ["<h2>What could not be traced</h2>", part_page.table(("set", "file", "why"), rows)]
-    above = [
-        (name, label, part, f"{h['after'] / h['floor']:.2f}", rest_words(data, part))
-        for name, rows in shown.items()
+    unexplained = [
+        (name, label, part, f"{h['after'] / h['floor']:.2f}", residual_words(data, part))
+        for name, rows in reports.items()
         for label, data, _ in rows
         for part, h in data["heldout"].items()
-        if part_page.above(h)
+        if part_page.is_unexplained(h)
     ]
-    if above:
+    if unexplained:
         words += [
             "<h2>Not explained: held-out error above 1.5 floors</h2>",
-            part_page.table(("set", "job", "held out", "after / floor", "what the rest is like"), above, (3,)),
+            part_page.table(("set", "job", "held out", "after / floor", "what the rest is like"), unexplained, (3,)),
         ]
-    for name, rows in shown.items():
+    for name, rows in reports.items():
         words.append(f"<h2>{html.escape(name)}</h2>")
         for label, data, image in rows:
             words.append(trace_recording.section(label, data, image))
@@ -170,18 +170,18 @@ def main(arguments=None):
     parser.add_argument("--out", type=Path, default=Path("build"), help="where measured.html and measured.json go")
     parser.add_argument("--only", nargs="*", help="names of sets")
     parser.add_argument("--no-loop", action="store_true", help="without the runs of the closed loop")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        if given.data:
-            sets = folders(given.data)
+        if options.data:
+            sets = folders(options.data)
         else:
             from testbench.measured.formats import registry
 
             sets = registry.folders()
-        sets = {name: paths for name, paths in sets.items() if not given.only or name in given.only}
-        out, shown, failures = run(sets, lambda text: print(text, file=sys.stderr, flush=True))
+        sets = {name: paths for name, paths in sets.items() if not options.only or name in options.only}
+        out, reports, failures = run(sets, lambda text: print(text, file=sys.stderr, flush=True))
         loop = ""
-        if not given.no_loop:
+        if not options.no_loop:
             from testbench.measured import in_loop
 
             loop, numbers = in_loop.section(out)
@@ -191,15 +191,15 @@ def main(arguments=None):
     except (ConfigError, FileError) as problem:
         print(problem, file=sys.stderr)
         return 2
-    given.out.mkdir(parents=True, exist_ok=True)
-    clean = {name: {**data, "jobs": [_plain(job) for job in data["jobs"]]} for name, data in out.items()}
-    write_text(given.out / "measured.json", json.dumps(clean, indent=1, sort_keys=True, allow_nan=False) + "\n")
-    write_text(given.out / "measured.html", page(out, shown, failures, loop))
-    print(given.out / "measured.html")
+    options.out.mkdir(parents=True, exist_ok=True)
+    clean = {name: {**data, "jobs": [_strip_html(job) for job in data["jobs"]]} for name, data in out.items()}
+    write_text(options.out / "measured.json", json.dumps(clean, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    write_text(options.out / "measured.html", page(out, reports, failures, loop))
+    print(options.out / "measured.html")
     return 1 if failures else 0
 
 
-def _plain(job):
+def _strip_html(job):
     return {key: value for key, value in job.items() if key != "html"}
 
 

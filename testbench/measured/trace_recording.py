@@ -15,10 +15,10 @@ from testbench.measured.parts.part import Part
 
 def trace_table(paths, options):
     """(JSON, picture) of files that a kind reports by itself; None if none does."""
-    return kinds.first(kind.report(paths, options) for kind in kinds.KINDS)
+    return kinds.first_match(kind.report(paths, options) for kind in kinds.KINDS)
 
 
-def of_problem(problem, settings=None, progress=None):
+def trace_problem(problem, settings=None, progress=None):
     """(JSON, picture) of a part's problem with `trace.Options`; None if it is no part (a record of the closed loop)."""
     if not isinstance(problem, PartProblem):
         return None

@@ -66,16 +66,22 @@ def characterise(
         from testbench.paper.measure import characterise as measure
 
         steps = iter(range(10))
-        found = measure.characterise(
-            checked, lambda text: progress(text, next(steps), 5), measure.engine_of(checked), seconds, temperature_degc
+        results = measure.characterise(
+            checked,
+            lambda text: progress(text, next(steps), 5),
+            measure.choose_engine(checked),
+            seconds,
+            temperature_degc,
         )
     if as_json:
-        print_json(found)
+        print_json(results)
         return
     from testbench.console.table import Table
     from testbench.paper import judge_table, page_tables
 
-    rows = [(head, judge_table.text_of(found.get(name), digits)) for name, head, digits in page_tables.POINT_COLUMNS]
+    rows = [
+        (head, judge_table.format_value(results.get(name), digits)) for name, head, digits in page_tables.POINT_COLUMNS
+    ]
     print_tables([Table(f"At {temperature_degc:g} degC", ("quantity", "value"), rows)])
 
 
@@ -109,10 +115,10 @@ def paper(o):
         from testbench.paper import page, study
 
         size = study.SMALL if o.small else study.FULL
-        given = {"boards": o.boards, "rest_s": o.rest_s, "record_s": o.record_s}
-        size = size._replace(**{k: v for k, v in given.items() if v is not None})
+        size_options = {"boards": o.boards, "rest_s": o.rest_s, "record_s": o.record_s}
+        size = size._replace(**{k: v for k, v in size_options.items() if v is not None})
         job = study.Study(checked, o.out, size, workers=o.workers, progress=progress)
-        with job.alone():
+        with job.lock_folder():
             job.run()
             path, verdicts = page.write(job)
     if o.as_json:

@@ -17,7 +17,7 @@ from testbench.judge.judge import TEMPERATURES, Model
 from testbench.judge.verdict import Value
 from testbench.paper import law
 from testbench.paper.calibration.calibrations import NODES, REGISTER, case_config
-from testbench.paper.loop import advisor, derived, parts, sense_grid
+from testbench.paper.loop import advisor, derived, loop_parameters, sense_grid
 from testbench.paper.loop import loop as loops
 from testbench.paper.measure import measure_scale, record_phases
 from testbench.run.budget import budget
@@ -32,32 +32,32 @@ def bare(config):
 
 def cases_deg(config):
     """{case: {register: deg}} of cases 1 to 5, calibrated by the budget at 25 degC."""
-    known = budget(bare(config), 25.0)
-    node, loop = known.node_deg(), known.loop_deg()
+    phase_budget = budget(bare(config), 25.0)
+    node, loop = phase_budget.node_deg(), phase_budget.loop_deg()
     words = {REGISTER[n]: -loop[n] if n in loop else node[n] for n in NODES}
     return {str(k + 1): {REGISTER[n]: words[REGISTER[n]] if i < k else 0.0 for i, n in enumerate(NODES)}
             for k in range(len(NODES) + 1)}  # fmt: skip
 
 
-def point(config, temp_degc):
+def case_values(config, temp_degc):
     """{name: Value} of one register set at a temperature, names as `measure.characterise` has them."""
-    found, p = derived.derive(config, temp_degc), parts.parts(config, temp_degc)
-    device = thermal.at_temperature(config.device(), temp_degc)
-    psi_rad = math.radians(found.xe1_deg + found.xe2_deg)
+    observables, p = derived.derive(config, temp_degc), loop_parameters.loop_parameters(config, temp_degc)
+    device = thermal.device_at_temperature(config.device(), temp_degc)
+    psi_rad = math.radians(observables.xe1_deg + observables.xe2_deg)
     force_n = device.mass_kg * (2 * math.pi * device.fx_hz) ** 2 * p.amplitude_m / device.qx
     values = {
-        "scale_lsb_per_dps": found.lsb_per_dps,
-        "bias_dps": found.bias_dps,
-        "quadrature_v": found.quadrature_v,
+        "scale_lsb_per_dps": observables.lsb_per_dps,
+        "bias_dps": observables.bias_dps,
+        "quadrature_v": observables.quadrature_v,
         "bandwidth_hz": advisor.bandwidth(loops.close(p))[0],
-        "arw_deg_per_rt_h": found.arw_deg_per_rt_h,
-        "instability_deg_per_h": found.instability_deg_per_h,
+        "arw_deg_per_rt_h": observables.arw_deg_per_rt_h,
+        "instability_deg_per_h": observables.instability_deg_per_h,
         "drive_v": force_n / (abs(device.k_vf_drive_n_per_v) * math.cos(psi_rad)),
     }
     return {name: Value(value) for name, value in values.items() if value is not None and math.isfinite(value)}
 
 
-def floor(config, temp_degc):
+def instability_floor(config, temp_degc):
     """{name: Value} of the bias instability, of words at zero; empty where there is no 1/f noise."""
     value = derived.derive(bare(config), temp_degc).instability_deg_per_h
     return {"instability_deg_per_h": Value(value)} if value is not None and math.isfinite(value) else {}
@@ -65,7 +65,7 @@ def floor(config, temp_degc):
 
 def settings(config):
     """{quantity: numbers} of what the model has as the paper has it; with the symbol where two share one."""
-    plant, record, board = config.plant, config.design_record(), chips.of(config.design)
+    plant, record, board = config.plant, config.design_record(), chips.design_chips(config.design)
     return {
         "resonator operating frequency": (plant.fx_hz / 1e3,),
         "modal frequency split": (abs(plant.fy_hz - plant.fx_hz),),
@@ -99,7 +99,7 @@ def loop_change(config):
 def rise_deg(config):
     """{node: Value}: node phase at 50 degC less that at -20 degC, each at its drive frequency."""
     low, high = (
-        budget(bare(config), t, thermal.at_temperature(config.device(), t).fx_hz).node_deg()
+        budget(bare(config), t, thermal.device_at_temperature(config.device(), t).fx_hz).node_deg()
         for t in (TEMPERATURES[0], TEMPERATURES[-1])
     )
     return {n: Value(high[n] - low[n]) for n in NODES}
@@ -111,7 +111,7 @@ def model(config):
     return Model(
         SOURCE,
         node_deg={n: Value(v) for n, v in budget(bare(config), 25.0).node_deg().items()},
-        points={(case, t): point(of_case, t) for case, of_case in cases.items() for t in TEMPERATURES},
+        points={(case, t): case_values(of_case, t) for case, of_case in cases.items() for t in TEMPERATURES},
         rise_deg=rise_deg(config),
         loop_change=loop_change(config),
         settings=settings(config),

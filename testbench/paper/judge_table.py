@@ -22,7 +22,7 @@ NOTE = (
 )
 
 
-def text_of(value, digits=5):
+def format_value(value, digits=5):
     """A number with so many digits, or a dash."""
     return "-" if value is None else f"{value:.{digits}g}"
 
@@ -30,8 +30,8 @@ def text_of(value, digits=5):
 def paper_means():
     """{quantity: {temperature: (value, sigma)}} of the paper's cases 1 to 3."""
     rows = numbers.numbers()
-    found = {NAME_OF[s]: [n for n in rows if n.symbol == s and n.case == numbers.MEAN] for s in MEANS}
-    return {name: {n.temp_degc: (n.values[0], n.sigma) for n in mine} for name, mine in found.items()}
+    matches = {NAME_OF[s]: [n for n in rows if n.symbol == s and n.case == numbers.MEAN] for s in MEANS}
+    return {name: {n.temp_degc: (n.values[0], n.sigma) for n in mine} for name, mine in matches.items()}
 
 
 def short(text):
@@ -39,14 +39,14 @@ def short(text):
     return re.sub(r"\s*\([^)]*\)$", "", text)
 
 
-def _cells(row, notes):
+def _row_cells(row, notes):
     n, part = row.number, row.part
     unit = short(n.unit).replace("dimensionless", "1").replace("not stated", "")
     name = short(n.quantity.replace(", mean over cases 1-3", ""))
     paper = n.text if len(n.text) < 12 else short(n.text)
     # of several bounds the one that decides; else the number itself, not a difference of it
-    shown = row.parts[0] if row.parts and not row.parts[0].bound else part
-    model = shown.model if shown else None
+    model_part = row.parts[0] if row.parts and not row.parts[0].bound else part
+    model = model_part.model if model_part else None
     pull = part.pull if part and part.pull is not None else None
     return (
         name,
@@ -54,9 +54,9 @@ def _cells(row, notes):
         short(n.temperature).split(" temp")[0],
         unit,
         paper,
-        text_of(n.sigma, 2),
-        text_of(model and model.value),
-        text_of(model and (model.sigma or None), 2),
+        format_value(n.sigma, 2),
+        format_value(model and model.value),
+        format_value(model and (model.sigma or None), 2),
         "-" if pull is None else f"{pull:+.1f}" if abs(pull) < 100 else "> 100",
         row.rule.role,
         row.verdict,
@@ -73,35 +73,35 @@ def _notes(row):
 
 def tables(rows):
     """[Table of all rows, Table of what the notes say] of `judge.rows`."""
-    said = list(dict.fromkeys(text for row in rows for text in _notes(row)))
-    number = {text: f"({k})" for k, text in enumerate(said, 1)}
-    cells = [_cells(row, " ".join(number[text] for text in _notes(row))) for row in rows]
+    texts = list(dict.fromkeys(text for row in rows for text in _notes(row)))
+    number = {text: f"({k})" for k, text in enumerate(texts, 1)}
+    cells = [_row_cells(row, " ".join(number[text] for text in _notes(row))) for row in rows]
     table = Table(f"Each number that the paper prints ({len(rows)})", HEADS, cells, NOTE, (4, 5, 6, 7, 8))
-    return [table, Table("Notes", ("note", "text"), [(number[t], t) for t in said], numeric=())]
+    return [table, Table("Notes", ("note", "text"), [(number[t], t) for t in texts], numeric=())]
 
 
 def document(rows):
     """[Table of all rows with the basis of each verdict, Table of the fitted values behind them] for a page."""
-    behind = {}
+    rows_by_keys = {}
     for row in rows:
         if row.rule.role in ("fitted", "free"):
-            behind.setdefault(row.rule.rests_on, []).append(row)
-    letter = {keys: chr(ord("A") + k) for k, keys in enumerate(behind)}
+            rows_by_keys.setdefault(row.rule.rests_on, []).append(row)
+    letter = {keys: chr(ord("A") + k) for k, keys in enumerate(rows_by_keys)}
     cells = []
     for row in rows:
-        name, case, temp, _, paper = _cells(row, "")[:5]
+        name, case, temp, _, paper = _row_cells(row, "")[:5]
         sigma = f" +- {row.number.sigma:.2g}" if row.number.sigma else ""
         cells.append((name, case, temp, f"{paper}{sigma}", row.rule.role, letter.get(row.rule.rests_on, ""),
                       row.verdict, row.basis))  # fmt: skip
     heads = ("quantity", "case", "degC", "paper", "role", "rests on", "verdict", "basis")
-    keys = [(letter[k], ", ".join(f"`{key}`" for key in k)) for k in behind]
+    keys = [(letter[k], ", ".join(f"`{key}`" for key in k)) for k in rows_by_keys]
     return [Table("", heads, cells, numeric=()), Table("", ("", "fitted values"), keys, numeric=())]
 
 
 def counts(rows):
     """{verdict: number of rows}, every verdict in its order."""
-    found = Counter(row.verdict for row in rows)
-    return {v: found[v] for v in VERDICTS}
+    verdict_counts = Counter(row.verdict for row in rows)
+    return {v: verdict_counts[v] for v in VERDICTS}
 
 
 def sentence(rows):

@@ -17,10 +17,10 @@ import numpy as np
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.calibration.calibrate import REGISTER
-from testbench.paper.loop import advisor, derived, parts, sensitivity
+from testbench.paper.loop import advisor, derived, loop_parameters, sensitivity
 from testbench.paper.loop import loop as loops
 from testbench.paper.measure import measure_allan, nonlinearity
-from testbench.paper.measure.characterise import engine_of
+from testbench.paper.measure.characterise import choose_engine
 
 SOURCES = ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")
 SCALE_YE1_DEG = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0)
@@ -41,13 +41,13 @@ def _block_means(rows, name):
     return x @ weights / weights.sum()
 
 
-def _sigma(rows, name):
+def _standard_error(rows, name):
     """Standard error of the mean of a column, from the scatter of its parts."""
     return float(np.std(_block_means(rows, name), ddof=1) / math.sqrt(BLOCKS))
 
 
 def _scale(config):
-    bench = Bench(config, RATE_DPS, 25.0, engine_of(config))
+    bench = Bench(config, RATE_DPS, 25.0, choose_engine(config))
     bench.wait(SETTLE_S)
     plus = bench.record(READ_S)
     bench.rate_dps = -RATE_DPS
@@ -56,12 +56,12 @@ def _scale(config):
     deg = Judge(bench).residuals().deg
     angle = math.radians(deg["ye1"] + deg["xe2"])
     k = (plus.hann("rate_word") - minus.hann("rate_word")) / (2 * RATE_DPS)
-    sigma = math.hypot(_sigma(plus, "rate_word"), _sigma(minus, "rate_word")) / (2 * RATE_DPS)
+    sigma = math.hypot(_standard_error(plus, "rate_word"), _standard_error(minus, "rate_word")) / (2 * RATE_DPS)
     return {"lsb_per_dps": k, "sigma_lsb_per_dps": sigma, "deg": deg, "inverse_cosine": 1 / math.cos(angle),
             "inverse_cosine_ye1": 1 / math.cos(math.radians(deg["ye1"]))}  # fmt: skip
 
 
-def left(base, words, **deg):
+def set_residuals(base, words, **deg):
     """Configuration with the words of a case, turned so that these residual phases (deg) are left where it leaves 0."""
     turned = dict(words)
     for node, angle in deg.items():
@@ -75,12 +75,12 @@ def scale_law(base, cases_deg, angles_deg=SCALE_YE1_DEG):
     `law` = 1/cos(ye1 + xe2') and `eq12` = 1/cos(ye1) are relative to the same case; difference in ppm.
     """
     last = cases_deg["5"]
-    sets = {f"case {k}": left(base, words) for k, words in cases_deg.items()}
-    sets |= {f"ye1 {a:g}": left(base, last, ye1=a) for a in angles_deg}
-    found = {name: _scale(config) for name, config in sets.items()}
-    unit = found["case 5"]
+    sets = {f"case {k}": set_residuals(base, words) for k, words in cases_deg.items()}
+    sets |= {f"ye1 {a:g}": set_residuals(base, last, ye1=a) for a in angles_deg}
+    scales = {name: _scale(config) for name, config in sets.items()}
+    unit = scales["case 5"]
     rows = []
-    for name, item in found.items():
+    for name, item in scales.items():
         ratio = item["lsb_per_dps"] / unit["lsb_per_dps"]
         law = item["inverse_cosine"] / unit["inverse_cosine"]
         eq12 = item["inverse_cosine_ye1"] / unit["inverse_cosine_ye1"]
@@ -99,11 +99,15 @@ def scale_law(base, cases_deg, angles_deg=SCALE_YE1_DEG):
 def sense_law(base, cases_deg, angles_deg=SENSE_DEG):
     """Rows of K with ye1 and ye2 of case 5 left at each pair of angles: the paper's Fig. 6a."""
     last = cases_deg["5"]
-    return [_scale(left(base, last, ye1=a, ye2=b)) | {"ye1": a, "ye2": b} for b in angles_deg[1] for a in angles_deg[0]]
+    return [
+        _scale(set_residuals(base, last, ye1=a, ye2=b)) | {"ye1": a, "ye2": b}
+        for b in angles_deg[1]
+        for a in angles_deg[0]
+    ]
 
 
 def _drive(config):
-    bench = Bench(config, DRIVE_DPS, 25.0, engine_of(config))
+    bench = Bench(config, DRIVE_DPS, 25.0, choose_engine(config))
     bench.wait(4.0)
     rows = bench.record(4.0)
     code, lsb_v = rows.mean("quadrature_code"), bench.quadrature_v(0.5) - bench.quadrature_v(-0.5)
@@ -114,10 +118,10 @@ def _drive(config):
         "quadrature_v": bench.quadrature_v(code),
         "rate_word": rows.hann("rate_word"),
         "sigma": {
-            "frequency_hz": _sigma(rows, "frequency_word") * bench.lsb_hz,
-            "drive_v": bench.drive_v(_sigma(rows, "amplitude_word")),
-            "quadrature_v": _sigma(rows, "quadrature_code") * lsb_v,
-            "rate_word": _sigma(rows, "rate_word"),
+            "frequency_hz": _standard_error(rows, "frequency_word") * bench.lsb_hz,
+            "drive_v": bench.drive_v(_standard_error(rows, "amplitude_word")),
+            "quadrature_v": _standard_error(rows, "quadrature_code") * lsb_v,
+            "rate_word": _standard_error(rows, "rate_word"),
         },
     }
 
@@ -125,7 +129,7 @@ def _drive(config):
 def drive_law(base, cases_deg, angles_deg=DRIVE_XE1_DEG):
     """Rows over xe1, xe2 compensated, with the rate and the sense phases of the paper's simulation."""
     sense = {"ye1": DRIVE_YE1_DEG, "ye2": DRIVE_YE2_DEG}
-    return [_drive(left(base, cases_deg["5"], xe1=a, **sense)) for a in angles_deg]
+    return [_drive(set_residuals(base, cases_deg["5"], xe1=a, **sense)) for a in angles_deg]
 
 
 def rail_law(base, cases_deg):
@@ -134,35 +138,38 @@ def rail_law(base, cases_deg):
             "plant.quad_dac_span_v": SPAN_PART * base.plant.quad_dac_span_v,
             "firmware.quadrature_ceiling_v": SPAN_PART * base.firmware.quadrature_ceiling_v}  # fmt: skip
     wide = configuration.changed(base, more)
-    return {case: nonlinearity.read(left(wide, cases_deg[case])) for case in ("1", "2", "3")}
+    return {case: nonlinearity.read(set_residuals(wide, cases_deg[case])) for case in ("1", "2", "3")}
 
 
 def derived_noise(config):
     """{source: {"arw_deg_per_rt_h", "instability_deg_per_h"}} by the linear loop, nothing simulated."""
-    p = parts.parts(config)
+    p = loop_parameters.loop_parameters(config)
     loop = loops.close(p)
     density = sensitivity.density_dps(p, loop)
     rounding = ("adc_rounding", "dac_rounding", "v_q_rounding")
-    own = dict.fromkeys(("none", NOT_RETIMED), rounding)
-    own |= {s: (s, *rounding) for s in ("thermomechanical", "cv", "adc", "dac")}
+    source_terms = dict.fromkeys(("none", NOT_RETIMED), rounding)
+    source_terms |= {s: (s, *rounding) for s in ("thermomechanical", "cv", "adc", "dac")}
     out = {
         source: {"arw_deg_per_rt_h": 60 / math.sqrt(2) * math.hypot(*(density[n] for n in names))}
-        for source, names in own.items()
+        for source, names in source_terms.items()
     }
     out["all"] = {"arw_deg_per_rt_h": sensitivity.arw_deg_per_rth(p, loop)}
     floor = {"instability_deg_per_h": derived.instability_deg_per_h(p, loop)}
-    return {name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", *own, *SOURCES)}
+    return {
+        name: out.get(name, {}) | (floor if name in ("all", "flicker") else {})
+        for name in ("all", *source_terms, *SOURCES)
+    }
 
 
 def _quiet_allan(config, seconds, lsb_per_dps):
-    bench = Bench(config, 0.0, 25.0, engine_of(config))
+    bench = Bench(config, 0.0, 25.0, choose_engine(config))
     bench.wait(4.0)
     pieces = []
     for _ in range(max(1, round(seconds / 10.0))):
         pieces.append(measure_allan.averaged(bench.record(10.0)["rate_word"].astype(float)))
     rate = np.concatenate(pieces) / lsb_per_dps
-    found = measure_allan.analyse(rate, measure_allan.BASE_FRAMES * bench.frame_s)
-    return {"arw_deg_per_rt_h": found.arw_deg_per_rt_h, "instability_deg_per_h": found.instability_deg_per_h}
+    allan = measure_allan.analyse(rate, measure_allan.BASE_FRAMES * bench.frame_s)
+    return {"arw_deg_per_rt_h": allan.arw_deg_per_rt_h, "instability_deg_per_h": allan.instability_deg_per_h}
 
 
 SILENT = {f"noise.{s}": False for s in SOURCES}
@@ -175,11 +182,11 @@ NOISE_SETS = {
 }
 
 
-def noise_of(base, cases_deg, name, seconds):
+def measure_noise(base, cases_deg, name, seconds):
     """{"arw_deg_per_rt_h", "instability_deg_per_h"} of case 5 with a set of `NOISE_SETS`, `seconds` of record.
 
     The scale factor is that of the linear loop.
     """
-    config = left(base, cases_deg["5"])
-    unit = advisor.rest_gain(loops.close(parts.parts(config))) * loops.DEG
+    config = set_residuals(base, cases_deg["5"])
+    unit = advisor.dc_gain(loops.close(loop_parameters.loop_parameters(config))) * loops.DEG
     return _quiet_allan(configuration.changed(config, NOISE_SETS[name]), seconds, unit)

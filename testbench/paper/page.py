@@ -20,7 +20,7 @@ from testbench.paper.loop import loop_page, loop_pictures
 from testbench.paper.measure import measure_scale, nonlinearity
 from testbench.paper.pictures import boards, drive, opening, performance, sense
 from testbench.run.budget import budget
-from testbench.storage.files import together, write_text
+from testbench.storage.files import atomic_outputs, write_text
 
 FOLDER = "figures"  # beside the page
 DRIVE = (
@@ -47,53 +47,57 @@ INFLUENCE = (
 
 def printed_phases():
     """{node: (deg, sigma)} of the four uncompensated phases that the paper prints."""
-    found = [n for n in numbers.numbers() if n.symbol[4:] in NODES and len(n.values) == 1 and n.values[0] > 0.1]
-    return {n.symbol[4:]: (n.values[0], n.sigma) for n in found}
+    phase_numbers = [n for n in numbers.numbers() if n.symbol[4:] in NODES and len(n.values) == 1 and n.values[0] > 0.1]
+    return {n.symbol[4:]: (n.values[0], n.sigma) for n in phase_numbers}
 
 
-def explained(config, points, calibration):
+def explain_cases(config, points, calibration):
     """{(case, temperature): (`nonlinearity.Explained`, sigma)} of cases 1 to 3."""
     ceiling_v = config.firmware.quadrature_ceiling_v
     out = {}
     for (case, temp), p in points.items():
         if case in ("1", "2", "3"):
             words = calibration["cases_deg"][case]
-            left = simulated.left_deg(config, calibration, words, temp)
+            residual_deg = simulated.residual_phases_deg(config, calibration, words, temp)
             rates = measure_scale.RATES_DPS
-            found = nonlinearity.explained(rates, p["scale_words"], p["quadrature_v_of_rate"], ceiling_v, left)
-            out[case, temp] = found, p.get("nonlinearity_sigma_ppm") or 0.0
+            explanation = nonlinearity.explain_nonlinearity(
+                rates, p["scale_words"], p["quadrature_v_of_rate"], ceiling_v, residual_deg
+            )
+            out[case, temp] = explanation, p.get("nonlinearity_sigma_ppm") or 0.0
     return dict(sorted(out.items()))
 
 
 def predicted(rows):
     """What is predicted, in one sentence."""
     names = dict.fromkeys(judge_table.short(row.number.quantity) for row in rows if row.verdict == "predicted")
-    said = "; ".join(names) if names else "nothing"
-    return f"Predicted, that is neither put in nor fitted, and met: {said}."
+    quantity_names = "; ".join(names) if names else "nothing"
+    return f"Predicted, that is neither put in nor fitted, and met: {quantity_names}."
 
 
-def _of_cases(points, names, *rest):
+def _case_picture(points, names, *rest):
     return opening.cases(points, [c for c in names if any(k[0] == c for k in points)], *rest)
 
 
 def pictures(study, parts):
     """Yield each `Picture` in the order of the page."""
     config, last, points, laws, records = study.config, parts["last"], parts["points"], parts["laws"], parts["records"]
-    means, three = judge_table.paper_means() if config.of_paper else {}, ("1", "2", "3")
-    phases = printed_phases() if config.of_paper else {}
+    means, three = judge_table.paper_means() if config.is_paper_board else {}, ("1", "2", "3")
+    phases = printed_phases() if config.is_paper_board else {}
     yield opening.waterfall(budget(closed_form.bare(config), 25.0), phases)
     title = "Five cases beside the paper"
-    yield _of_cases(points, ("1", "2", "3", "4", "5"), means, title, BESIDE, "cases_beside_the_paper")
+    yield _case_picture(points, ("1", "2", "3", "4", "5"), means, title, BESIDE, "cases_beside_the_paper")
     yield drive.drive_errors(laws["drive"], config)
     if records:
         yield drive.phase_record(records, ("xe1", "xe2"), 3)
-    yield _of_cases(points, three, means, "Fig. 4  Cases 1 to 3 over temperature", DRIVE, "fig_4_cases_1_to_3")
+    yield _case_picture(points, three, means, "Fig. 4  Cases 1 to 3 over temperature", DRIVE, "fig_4_cases_1_to_3")
     yield sense.transfer_functions(last)
-    yield sense.scale_over_phases(laws["sense"])
+    yield sense.scale_by_phases(laws["sense"])
     yield sense.sense_errors(last)
     if records:
         yield drive.phase_record(records, ("ye1", "ye2"), 7)
-    yield _of_cases(points, ("3", "4", "5"), {}, "Fig. 8  Cases 3 to 5 over temperature", SENSE, "fig_8_cases_3_to_5")
+    yield _case_picture(
+        points, ("3", "4", "5"), {}, "Fig. 8  Cases 3 to 5 over temperature", SENSE, "fig_8_cases_3_to_5"
+    )
     yield sense.response(points, last)
     yield performance.scale_residuals(points, measure_scale.RATES_DPS)
     if parts["explained"]:
@@ -105,7 +109,7 @@ def pictures(study, parts):
     if parts["boards"]:
         yield boards.residuals(parts["boards"])
     grid = temperature.GRID_DEGC
-    yield boards.over_temperature(grid, temperature.phases(config, grid), temperature.phases(config, (25.0,)))
+    yield boards.phase_drift(grid, temperature.phases(config, grid), temperature.phases(config, (25.0,)))
     yield Picture("influence", INFLUENCE, loop_pictures.influence(parts["influence"]))
 
 
@@ -129,7 +133,7 @@ def tables(study, parts, compared):
     return [*out, *loop_page.sensitivity_tables(parts["influence"]), page_tables.misprint_table(config)]
 
 
-def parts_of(study):
+def stage_results(study):
     """{name: what a stage of a `study.Study` has found, or what follows from it}."""
     one, points, laws = study.calibration(), study.points(), study.laws()
     last = calibrations.case_config(study.config, one["cases_deg"]["5"])
@@ -141,14 +145,14 @@ def parts_of(study):
         "boards": study.boards(),
         "records": study.record(),
         "influence": study.influence(last),
-        "explained": explained(study.config, points, one),
+        "explained": explain_cases(study.config, points, one),
         "wide": {case: rows["nonlinearity_ppm"] for case, rows in laws["rail"].items()},
     }
 
 
 def write(study, path=None):
     """Write the page of a `study.Study` and its figures; returns (path, verdicts)."""
-    parts = parts_of(study)
+    parts = stage_results(study)
     model = simulated.model(study.config, parts["calibration"], parts["points"], parts["records"])
     compared = judge.rows(model)
     notes = [
@@ -161,22 +165,22 @@ def write(study, path=None):
         "path. Default latencies are the best fit of a search over assumed pipelines.",
     ]
     path = Path(path or study.directory / "paper.html")
-    with together():
+    with atomic_outputs():
         _write_files(study, path, parts, model, compared, notes)
     return path, judge_table.counts(compared)
 
 
 def _write_files(study, path, parts, model, compared, notes):
     write_text(path.parent / "judged.json", json.dumps(simulated.as_json(model), indent=1, sort_keys=True) + "\n")
-    shown = []
+    picture_blocks = []
     for picture in pictures(study, parts):
         files, png = figure_files.write(picture, path.parent / FOLDER)
         links = [(kind.upper(), f"{FOLDER}/{file.name}") for kind, file in files.items()]
-        shown.append(report.picture_html(png, picture.caption, links))
+        picture_blocks.append(report.picture_html(png, picture.caption, links))
     head = report.head_html("The paper's experiments on the virtual gyroscope", notes)
     write_text(
         path,
         report.page_html(
-            "The paper's experiments", [*head, *shown, *report.tables_html(tables(study, parts, compared))]
+            "The paper's experiments", [*head, *picture_blocks, *report.tables_html(tables(study, parts, compared))]
         ),
     )

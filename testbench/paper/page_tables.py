@@ -12,10 +12,10 @@ from testbench.judge import judge
 from testbench.paper import law, simulated, temperature
 from testbench.paper.calibration import calibrations
 from testbench.paper.calibration.calibrate import NODES
-from testbench.paper.judge_table import text_of
+from testbench.paper.judge_table import format_value
 from testbench.paper.loop import equations, loop_page
 from testbench.paper.loop import loop as loops
-from testbench.paper.loop import parts as loop_parts
+from testbench.paper.loop import loop_parameters as loop_parts
 from testbench.paper.measure import record_phases
 
 
@@ -71,15 +71,15 @@ def boards_table(boards):
 
 
 def noise_table(noise, derived):
-    def of(label, name, digits):
-        return text_of(noise.get(label, {}).get(name), digits)
+    def cell(label, name, digits):
+        return format_value(noise.get(label, {}).get(name), digits)
 
     arw, floor = "arw_deg_per_rt_h", "instability_deg_per_h"
     rows = []
     for source, want in derived.items():
-        alone, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
-        rows.append((source, *(of(x, arw, 4) for x in (alone, off)), text_of(want.get(arw), 4),
-                     *(of(x, floor, 3) for x in (alone, off)), text_of(want.get(floor), 3)))  # fmt: skip
+        only_label, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
+        rows.append((source, *(cell(x, arw, 4) for x in (only_label, off)), format_value(want.get(arw), 4),
+                     *(cell(x, floor, 3) for x in (only_label, off)), format_value(want.get(floor), 3)))  # fmt: skip
     return Table(
         "Noise of case 5: each source alone, and without it",
         ("source", "ARW, alone (deg/sqrt(h))", "without it", "derived", "bias instability, alone (deg/h)", "without it",
@@ -126,7 +126,7 @@ POINT_COLUMNS = (
 
 def points_table(points):
     rows = [
-        (f"case {case}, {temp:g} degC", *(text_of(p.get(name), digits) for name, _, digits in POINT_COLUMNS))
+        (f"case {case}, {temp:g} degC", *(format_value(p.get(name), digits) for name, _, digits in POINT_COLUMNS))
         for (case, temp), p in points.items()
     ]
     return Table(
@@ -148,8 +148,8 @@ def sensitivity_rows(points):
     for before, after, node in STEPS:
         for temp in sorted({t for _, t in points}):
             if (before, temp) in points and (after, temp) in points:
-                changes = [judge.change(model, symbol, (before, after), temp) for symbol in symbols]
-                cells = (text_of(c and c.value, 3) for c in changes)
+                changes = [judge.relative_change(model, symbol, (before, after), temp) for symbol in symbols]
+                cells = (format_value(c and c.value, 3) for c in changes)
                 rows.append((f"{node}: case {before} to {after}", f"{temp:g}", *cells))
     return rows
 
@@ -162,7 +162,7 @@ def response_difference(points, configs):
         if not point:
             continue
         f = np.array(point["response_hz"])
-        closed = loops.close(loop_parts.parts(config))
+        closed = loops.close(loop_parts.loop_parameters(config))
         h = loops.response(closed, f) / loops.response(closed, np.array([1e-3]))[0].real
         use = f <= 60.0
         gain = np.abs(np.array(point["response_db"]) - 20 * np.log10(np.abs(h)))[use]
@@ -171,23 +171,27 @@ def response_difference(points, configs):
     return out
 
 
-def response_table(found):
+def response_table(differences):
     return Table(
         "Response of the simulated gyroscope less the linear loop, 0.5 to 60 Hz",
         ("case", "largest (dB)", "largest (deg)"),
-        [(case, f"{db:.4f}", f"{deg:.3f}") for case, (db, deg) in found.items()],
+        [(case, f"{db:.4f}", f"{deg:.3f}") for case, (db, deg) in differences.items()],
         numeric=(1, 2),
     )
 
 
 def temperature_table(config):
-    held = temperature.holds(config)
+    limits_by_node = temperature.drift_limits_k(config)
     grid = temperature.phases(config, (-20.0, 25.0, 50.0))
     rows = [
-        (node, *(f"{v:.4f}" for v in grid[node]), *("beyond 80" if math.isinf(k) else f"{k:g}" for k in held[node]))
+        (
+            node,
+            *(f"{v:.4f}" for v in grid[node]),
+            *("beyond 80" if math.isinf(k) else f"{k:g}" for k in limits_by_node[node]),
+        )
         for node in NODES
     ]
-    band = min(k for limits in held.values() for k in limits)
+    band = min(k for limits in limits_by_node.values() for k in limits)
     after = temperature.rise_after_s(record_phases.SELF_HEATING_K, config.plant.warm_up_tau_s, band)
     return Table(
         "Phases over temperature, and how far a calibration holds",

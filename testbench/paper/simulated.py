@@ -25,8 +25,8 @@ BY_FORMULA = "instability_deg_per_h"
 def node_deg(config, calibration):
     """{node: Value} of the uncompensated node phases: what was found, for xe2 and ye2 with the delay of the switch."""
     switch = {n: -sum(row.degrees for row in rows) for n, rows in budget(closed_form.bare(config)).loop_rows.items()}
-    found, sigma = calibration["found_deg"], calibration["found_uncertainty_deg"]
-    return {n: Value(found[n] + switch.get(n, 0.0), sigma[n] / FACTOR) for n in NODES}
+    readings_deg, sigma = calibration["found_deg"], calibration["found_uncertainty_deg"]
+    return {n: Value(readings_deg[n] + switch.get(n, 0.0), sigma[n] / FACTOR) for n in NODES}
 
 
 def mode_lead_deg(device):
@@ -35,46 +35,51 @@ def mode_lead_deg(device):
     return math.degrees(drive * sense / (device.qy * (drive**2 - sense**2)))
 
 
-def left_deg(config, calibration, words, temp_degc):
+def residual_phases_deg(config, calibration, words, temp_degc):
     """{"xe2", "ye1", "ye2": deg}: loop phases that a case's words leave at a temperature, ye2 less the mode's lead.
 
     They are those that were found at 25 degC with the words of case 1, and drift by the parts' laws.
     """
-    found, begin = calibration["found_deg"], calibration["cases_deg"]["1"]
-    drift = {n: there - here for n, (here, there) in temperature.phases(config, (25.0, temp_degc)).items()}
-    moved = {n: words[REGISTER[n]] - begin[REGISTER[n]] for n in NODES}
-    left = {n: found[n] + drift[n] + (moved[n] if n.endswith("2") else -moved[n]) for n in ("xe2", "ye1", "ye2")}
-    lead_deg = mode_lead_deg(thermal.at_temperature(config.device(), temp_degc))
-    return left | {"ye2": left["ye2"] - lead_deg}
+    readings_deg, begin = calibration["found_deg"], calibration["cases_deg"]["1"]
+    drift = {
+        n: end_deg - start_deg for n, (start_deg, end_deg) in temperature.phases(config, (25.0, temp_degc)).items()
+    }
+    word_change = {n: words[REGISTER[n]] - begin[REGISTER[n]] for n in NODES}
+    residuals = {
+        n: readings_deg[n] + drift[n] + (word_change[n] if n.endswith("2") else -word_change[n])
+        for n in ("xe2", "ye1", "ye2")
+    }
+    lead_deg = mode_lead_deg(thermal.device_at_temperature(config.device(), temp_degc))
+    return residuals | {"ye2": residuals["ye2"] - lead_deg}
 
 
-def _sigma(point, name):
+def _stated_sigma(point, name):
     """Standard uncertainty of a number of a point as its own measure states it; 0 where none is stated."""
     what, _, unit = name.partition("_")
     return point.get(f"{what}_sigma_{unit}") or 0.0
 
 
-def points(found):
+def points(study_points):
     """{(case, degC): {name: Value}} of the numbers of a study's points."""
     return {
         key: {
-            n: Value(point[n], _sigma(point, n))
+            n: Value(point[n], _stated_sigma(point, n))
             for n in NAME_OF.values()
             if n != BY_FORMULA and point.get(n) is not None
         }
-        for key, point in found.items()
+        for key, point in study_points.items()
     }
 
 
 def excursion_deg(records):
     """{node: Value}: largest excursion of a reading from the mean of its record, over the records."""
-    spreads = [record_phases.spread(rows) for rows in records.values()]
+    spreads = [record_phases.reading_spread(rows) for rows in records.values()]
     return {n: Value(max(s[n][2] for s in spreads)) for n in NODES} if spreads else {}
 
 
 def with_closed_forms(config, simulated):
     """The `Model` with what takes no simulation: bias instability, rise of phases, changes of the loop, settings."""
-    floor = {t: closed_form.floor(config, t) for _, t in simulated.points}
+    floor = {t: closed_form.instability_floor(config, t) for _, t in simulated.points}
     return simulated._replace(
         points={(case, t): values | floor[t] for (case, t), values in simulated.points.items()},
         rise_deg=closed_form.rise_deg(config),
@@ -83,21 +88,25 @@ def with_closed_forms(config, simulated):
     )
 
 
-def model(config, calibration, found, records):
+def model(config, calibration, study_points, records):
     """`Model` of a study: its calibration, its points, its records; the rest is in closed form."""
-    left = {n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES}
-    simulated = Model(SOURCE, node_deg(config, calibration), left, excursion_deg(records), points=points(found))
+    residuals = {
+        n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES
+    }
+    simulated = Model(
+        SOURCE, node_deg(config, calibration), residuals, excursion_deg(records), points=points(study_points)
+    )
     return with_closed_forms(config, simulated)
 
 
-def as_json(found):
+def as_json(results):
     """What was simulated of a `Model`, as plain data: {"points": {"CASE, DEGC": {name: [value, sigma]}}, ...}."""
     return {
         "points": {
             f"{case}, {temp:g}": {n: v for n, v in values.items() if n != BY_FORMULA}
-            for (case, temp), values in found.points.items()
+            for (case, temp), values in results.points.items()
         },
-        **{name: dict(getattr(found, name)) for name in ("node_deg", "residual_deg", "excursion_deg")},
+        **{name: dict(getattr(results, name)) for name in ("node_deg", "residual_deg", "excursion_deg")},
     }
 
 

@@ -47,7 +47,7 @@ class Job(NamedTuple):
 
 
 @dataclass
-class Kept:
+class StageFile:
     """The file of a stage."""
 
     made_from: str
@@ -66,11 +66,11 @@ def _sha256(result):
     return hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
 
 
-def _kept(path, digest):
+def _read_stage(path, digest):
     """`Kept` stage made from `digest`; None if there is none, or if it is damaged: then it is done again."""
     try:
-        kept = inputs.read_json(path, Kept, inputs.most_bytes())
-        return kept if kept.made_from == digest and kept.sha256 == _sha256(kept.result) else None
+        stage = inputs.read_json(path, StageFile, inputs.most_bytes())
+        return stage if stage.made_from == digest and stage.sha256 == _sha256(stage.result) else None
     except FileError:
         return None
 
@@ -79,11 +79,11 @@ def _do(path, digest, job):
     """Do a job and keep it; returns its seconds."""
     began = time.monotonic()
     result = json.loads(json.dumps(job.work(*job.args), default=float))
-    write_text(path, json.dumps(vars(Kept(digest, result, _sha256(result)))))
+    write_text(path, json.dumps(vars(StageFile(digest, result, _sha256(result)))))
     return time.monotonic() - began
 
 
-def _begin():
+def _start_worker():
     """A worker's first act: Ctrl-C is main's to act on, and no worker outlives it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pool.follow_main()
@@ -98,13 +98,13 @@ class Stages:
 
     def results(self, jobs):
         """{name: result} of the jobs; what is missing is done, in their order."""
-        found = {job.name: _kept(self._path(job), self._digest(job)) for job in jobs}
-        self._run([job for job in jobs if found[job.name] is None])
+        stage_files = {job.name: _read_stage(self._path(job), self._job_digest(job)) for job in jobs}
+        self._run([job for job in jobs if stage_files[job.name] is None])
         for job in jobs:
-            found[job.name] = found[job.name] or _kept(self._path(job), self._digest(job))
-            if found[job.name] is None:
+            stage_files[job.name] = stage_files[job.name] or _read_stage(self._path(job), self._job_digest(job))
+            if stage_files[job.name] is None:
                 raise FileError(f"{self._path(job)}: was changed while the study ran")
-        return {name: kept.result for name, kept in found.items()}
+        return {name: stage_file.result for name, stage_file in stage_files.items()}
 
     @property
     def seconds(self):
@@ -114,33 +114,33 @@ class Stages:
         except FileError:
             return {}
 
-    def timed(self, name, seconds):
+    def save_duration(self, name, seconds):
         """Keep how long a stage took."""
-        kept = self.seconds | {name: seconds}
-        write_text(self.directory / TIMINGS, json.dumps({"seconds": dict(sorted(kept.items()))}, indent=1) + "\n")
+        durations = self.seconds | {name: seconds}
+        write_text(self.directory / TIMINGS, json.dumps({"seconds": dict(sorted(durations.items()))}, indent=1) + "\n")
 
     def _path(self, job):
         return self.directory / f"{job.name}.json"
 
-    def _digest(self, job):
+    def _job_digest(self, job):
         text = json.dumps([job.key, self.config.model_dump(), code_sha256(*SOURCES)], sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _run(self, jobs):
-        tasks = [(self._path(job), self._digest(job), job) for job in jobs]
+        tasks = [(self._path(job), self._job_digest(job), job) for job in jobs]
         if self.workers == 0 or len(jobs) < 2:
             for number, task in enumerate(tasks):
-                self._say(number, jobs)
-                self.timed(task[-1].name, _do(*task))
+                self._report_progress(number, jobs)
+                self.save_duration(task[-1].name, _do(*task))
             return
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(PRELOADED)
-        with ProcessPoolExecutor(min(self.workers, len(jobs)), context, _begin) as executor:
+        with ProcessPoolExecutor(min(self.workers, len(jobs)), context, _start_worker) as executor:
             running = {executor.submit(_do, *task): task[-1].name for task in tasks}
             try:
                 for number, future in enumerate(as_completed(running), 1):
-                    self.timed(running[future], future.result())
-                    self._say(number, jobs)
+                    self.save_duration(running[future], future.result())
+                    self._report_progress(number, jobs)
             except BaseException as problem:
                 for process in multiprocessing.active_children():
                     process.kill()
@@ -149,6 +149,6 @@ class Stages:
                     raise FileError(f"{self.directory}: a worker process died; start the command again") from None
                 raise
 
-    def _say(self, number, jobs):
+    def _report_progress(self, number, jobs):
         if self.progress:
             self.progress("stages of the study", number, len(jobs))

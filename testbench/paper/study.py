@@ -15,18 +15,18 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
-from testbench.campaign.pool import Here, Pool
+from testbench.campaign.pool import InProcess, Pool
 from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
-from testbench.config.toml_text import toml_of
+from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError, FileError
 from testbench.paper import cases, law
 from testbench.paper.calibration import boards, calibrations
 from testbench.paper.loop import sensitivity
 from testbench.paper.measure import record_phases
-from testbench.paper.measure.characterise import engine_of, unflat
+from testbench.paper.measure.characterise import choose_engine, restore_curves
 from testbench.paper.stages import Job, Stages
-from testbench.storage.files import alone, explain
+from testbench.storage.files import explain, hold_lock
 
 WORKERS = 2
 
@@ -51,13 +51,13 @@ SMALL = Size(boards=0, rest_s=20.0, temperatures_degc=(25.0,), case_numbers=(1, 
 def check(config):
     """ConfigError for a key that the study sets itself: of [scenario] and [output]; all others reach its runs."""
     for section in ("scenario", "output"):
-        given = getattr(config, section)
-        for key, value in type(given)():
-            if getattr(given, key) != value:
-                said = toml_of(getattr(given, key))
+        section_config = getattr(config, section)
+        for key, value in type(section_config)():
+            if getattr(section_config, key) != value:
+                value_text = short_toml(getattr(section_config, key))
                 raise ConfigError(
-                    f"{section}.{key} = {said}: the study of the paper sets [{section}] itself; leave it out or at "
-                    f"{toml_of(value)}; --rest-s, --record-s and --out are its options"
+                    f"{section}.{key} = {value_text}: the study of the paper sets [{section}] itself; leave it out or "
+                    f"at {short_toml(value)}; --rest-s, --record-s and --out are its options"
                 )
 
 
@@ -82,27 +82,27 @@ class Study:
             raise explain(self.directory, problem) from None
         self.stages = Stages(self.directory, config, self.workers, progress)
 
-    def alone(self):
+    def lock_folder(self):
         """Be the one process at work in the folder, or FileError that says who is; for `with`."""
-        return alone(self.directory / "lock", f"{self.directory}: another study is at work here")
+        return hold_lock(self.directory / "lock", f"{self.directory}: another study is at work here")
 
     def run(self):
         """Do all stages, those that do not need each other at the same time; the longest begin first."""
         self.stages.results([self._calibration(), *self._boards()])
-        self.stages.results([*self._record(), *self._laws()])
+        self.stages.results([*self._record(), *self._law_jobs()])
         self.points()
 
     def _calibration(self):
-        return Job("calibration", None, _calibrated, (self.config, engine_of(self.config)))
+        return Job("calibration", None, _calibrated, (self.config, choose_engine(self.config)))
 
     def calibration(self):
         """The base board, calibrated from words at zero, with the minimum of A_d beside the detuning."""
         return self.stages.results([self._calibration()])["calibration"]
 
     def _boards(self):
-        given = self.config, self.seed
+        arguments = self.config, self.seed
         return [
-            Job(f"board_{k:03d}", [self.seed, k], _board, (*given, k, engine_of(self.config)))
+            Job(f"board_{k:03d}", [self.seed, k], _board, (*arguments, k, choose_engine(self.config)))
             for k in range(self.size.boards)
         ]
 
@@ -116,53 +116,53 @@ class Study:
 
     def plan(self):
         """`Plan` of the campaign: cases at temperatures, every other key as in the configuration."""
-        wanted = {str(k): self.cases_deg()[str(k)] for k in self.size.case_numbers}
+        case_words = {str(k): self.cases_deg()[str(k)] for k in self.size.case_numbers}
         sizes = self.size.rest_s, self.size.temperatures_degc
-        return plan.read(cases.write_plan(self.directory / "paper.toml", self.config, wanted, *sizes))
+        return plan.read(cases.write_plan(self.directory / "paper.toml", self.config, case_words, *sizes))
 
     def points(self, show=None):
         """{(case, temperature): numbers and curves} of the campaign, run where it is missing."""
         began = time.monotonic()
-        told = self.plan()
-        executor = Pool(self.workers) if self.workers else Here()
-        report = execute.run(told, self.directory / "store", executor, show or Progress(quiet=True))
+        campaign_plan = self.plan()
+        executor = Pool(self.workers) if self.workers else InProcess()
+        report = execute.run(campaign_plan, self.directory / "store", executor, show or Progress(quiet=True))
         if report.done:
-            self.stages.timed("campaign", time.monotonic() - began)
+            self.stages.save_duration("campaign", time.monotonic() - began)
         for address, text in report.failures:
             raise FileError(f"{self.directory / 'store'}: point {address[:12]} failed: {text}")
-        store = Store.at(self.directory / "store")
-        found, _ = plan.points(told)
+        store = Store.open_folder(self.directory / "store")
+        plan_points, _ = plan.points(campaign_plan)
         out = {}
         order = [(str(case), temp) for case in self.size.case_numbers for temp in self.size.temperatures_degc]
-        for (case, temp), point in zip(order, found):
+        for (case, temp), point in zip(order, plan_points):
             _, variables = collect.read_point(store, point.address)
             values = {}
             for name, variable in variables.items():
                 data = variable.data
                 values[name] = data.item() if hasattr(data, "item") and getattr(data, "ndim", 1) == 0 else data
-            values = unflat({k: v.decode() if isinstance(v, bytes) else v for k, v in values.items()})
+            values = restore_curves({k: v.decode() if isinstance(v, bytes) else v for k, v in values.items()})
             out[case, temp] = values
         return out
 
-    def _laws(self):
+    def _law_jobs(self):
         """Jobs of the laws by name; the shares of the noise last."""
-        given = self.config, self.cases_deg()
+        arguments = self.config, self.cases_deg()
         jobs = [
-            Job("law_scale", None, law.scale_law, given),
-            Job("law_sense", None, law.sense_law, given),
-            Job("law_drive", None, law.drive_law, given),
-            Job("law_rail", None, law.rail_law, given),
+            Job("law_scale", None, law.scale_law, arguments),
+            Job("law_sense", None, law.sense_law, arguments),
+            Job("law_drive", None, law.drive_law, arguments),
+            Job("law_rail", None, law.rail_law, arguments),
         ]
         for name, length_s in self.noise_lengths_s().items():
             file = f"noise_{name.replace(', ', '_').replace(' ', '_')}"
-            jobs.append(Job(file, length_s, law.noise_of, (*given, name, length_s)))
+            jobs.append(Job(file, length_s, law.measure_noise, (*arguments, name, length_s)))
         return jobs
 
     def laws(self):
         """{"scale", "sense", "drive", "rail": rows of `law`, "noise": {set: numbers}, if there is any}."""
-        found = self.stages.results(self._laws())
-        out = {name.removeprefix("law_"): rows for name, rows in found.items() if name.startswith("law_")}
-        noise = [rows for name, rows in found.items() if name.startswith("noise_")]
+        results = self.stages.results(self._law_jobs())
+        out = {name.removeprefix("law_"): rows for name, rows in results.items() if name.startswith("law_")}
+        noise = [rows for name, rows in results.items() if name.startswith("noise_")]
         return out | ({"noise": dict(zip(self.noise_lengths_s(), noise))} if noise else {})
 
     def noise_lengths_s(self):
@@ -184,5 +184,5 @@ class Study:
 
     def record(self):
         """{case: rows of its phase record}, or none."""
-        found = self.stages.results(self._record())
-        return {name.removeprefix("record_"): rows for name, rows in found.items()}
+        results = self.stages.results(self._record())
+        return {name.removeprefix("record_"): rows for name, rows in results.items()}

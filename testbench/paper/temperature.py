@@ -21,25 +21,25 @@ def phases(config, temps_degc=GRID_DEGC):
     """{node: [deg, ...]}: node phases of xe1 and ye1, loop phases of xe2 and ye2, at each temperature."""
     out = {node: [] for node in NODES}
     for temp in temps_degc:
-        f = thermal.at_temperature(config.device(), temp).fx_hz
-        known = budget(config, temp, f)
-        node, loop = known.node_deg(), known.loop_deg()
+        f = thermal.device_at_temperature(config.device(), temp).fx_hz
+        phase_budget = budget(config, temp, f)
+        node, loop = phase_budget.node_deg(), phase_budget.loop_deg()
         for name in NODES:
             out[name].append(loop.get(name, node[name]))
     return out
 
 
-def holds(config, temp_degc=25.0, level_deg=LEVEL_DEG, reach_k=80.0):
+def drift_limits_k(config, temp_degc=25.0, level_deg=LEVEL_DEG, reach_k=80.0):
     """{node: (below, above)}: K by which the temperature may move until a phase has moved by `level_deg`, or inf."""
     start = phases(config, (temp_degc,))
     limits = {node: [] for node in NODES}
     for sign in (-1, 1):
         steps = [k for k in range(1, int(reach_k) + 1) if -55.0 <= temp_degc + sign * k <= 125.0]
-        moved = phases(config, [temp_degc + sign * k for k in steps])
+        drifted = phases(config, [temp_degc + sign * k for k in steps])
         for node in NODES:
-            beyond = [k for k, value in zip(steps, moved[node]) if abs(value - start[node][0]) > level_deg]
-            limits[node].append(float(beyond[0]) if beyond else math.inf)
-    return {node: tuple(found) for node, found in limits.items()}
+            exceeding = [k for k, value in zip(steps, drifted[node]) if abs(value - start[node][0]) > level_deg]
+            limits[node].append(float(exceeding[0]) if exceeding else math.inf)
+    return {node: tuple(pair) for node, pair in limits.items()}
 
 
 def rise_after_s(heating_k, tau_s, band_k):

@@ -55,7 +55,7 @@ def _text(value):
     return value.decode("utf-8", "replace") if value else ""
 
 
-def opened(path):
+def open_library(path):
     """`Library` of a file; FileError with one line if it is none."""
     return _loaded(str(path), read_bytes(path))
 
@@ -63,11 +63,11 @@ def opened(path):
 @functools.cache
 def _loaded(path, data):
     """`Library` of these bytes, once in a process."""
-    made = _python(path, data) if path.endswith(".py") else _native(path, data)
+    made = _load_python(path, data) if path.endswith(".py") else _load_native(path, data)
     return Library(path, hashlib.sha256(data).hexdigest(), *made)
 
 
-def _native(path, data):
+def _load_native(path, data):
     """(keys, functions) of a shared library."""
     with tempfile.TemporaryDirectory(prefix="gyro-plant-") as folder:
         copy = Path(folder) / Path(path).name
@@ -86,29 +86,29 @@ def _native(path, data):
                 raise FileError(f"{path}: exports no gyro_plant_{name}; gyro_plant.h says what it must") from None
             continue
         functions[name].restype, functions[name].argtypes = result, arguments
-        if name == "abi" and (found := functions[name]()) != foreign.ABI:
-            raise FileError(f"{path}: gyro_plant_abi is {found}, expected {foreign.ABI}: compile it with this header")
+        if name == "abi" and (abi := functions[name]()) != foreign.ABI:
+            raise FileError(f"{path}: gyro_plant_abi is {abi}, expected {foreign.ABI}: compile it with this header")
     if OPTIONAL.keys() & functions and (missing := OPTIONAL.keys() - functions):
         raise FileError(f"{path}: exports no gyro_plant_{min(missing)}; state_size, save and load belong together")
     return frozenset(_text(functions["keys"]()).split()), functions
 
 
-def _python(path, data):
+def _load_python(path, data):
     """(keys, functions) of a Python file; its cfuncs are kept, because their code is freed with them."""
-    found = {"__name__": "gyro_plant", "__file__": path}
+    namespace = {"__name__": "gyro_plant", "__file__": path}
     try:
-        exec(compile(data, path, "exec"), found)
+        exec(compile(data, path, "exec"), namespace)
     except Exception as problem:
         raise FileError(f"{path}: {type(problem).__name__}: {problem}") from None
     for name in ("KEYS", "create", "reset", "step"):
-        if name not in found:
+        if name not in namespace:
             raise FileError(f"{path}: defines no {name}; expected KEYS, create, reset and step")
     calls = {}
     for name in ("reset", "step"):
-        if not isinstance(address := getattr(found[name], "address", None), int):
+        if not isinstance(address := getattr(namespace[name], "address", None), int):
             raise FileError(f"{path}: {name} is no numba.cfunc")
         calls[name] = ctypes.CFUNCTYPE(*FUNCTIONS[name])(address)
-    return frozenset(str(found["KEYS"]).split()), {"create": found["create"], "file": found, **calls}
+    return frozenset(str(namespace["KEYS"]).split()), {"create": namespace["create"], "file": namespace, **calls}
 
 
 class Instance:
@@ -117,17 +117,17 @@ class Instance:
     configuration, own  the two texts of gyro_plant_create
     """
 
-    def __init__(self, library, configuration, own):
+    def __init__(self, library, configuration, file_text):
         self.library, self._functions, self._array = library, library.functions, None
         if library.path.endswith(".py"):
             try:
-                self._array = np.ascontiguousarray(self._functions["create"](configuration, own))
+                self._array = np.ascontiguousarray(self._functions["create"](configuration, file_text))
             except Exception as problem:
                 self.fail(f"create: {type(problem).__name__}: {problem}")
             self.address = self._array.ctypes.data
             return
         line = ctypes.create_string_buffer(ERROR_BYTES)
-        self.address = self._functions["create"](configuration.encode(), own.encode(), line, ERROR_BYTES)
+        self.address = self._functions["create"](configuration.encode(), file_text.encode(), line, ERROR_BYTES)
         if not self.address:
             self.fail(f"gyro_plant_create: {_text(line.value) or 'no text'}")
         weakref.finalize(self, self._functions["destroy"], self.address)

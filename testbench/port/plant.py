@@ -15,7 +15,7 @@ import numpy as np
 from analog_frontend.parts import adc, resonator
 from analog_frontend.port import foreign
 from testbench.config import Config
-from testbench.config.toml_text import toml_of, toml_value
+from testbench.config.toml_text import short_toml, toml_value
 from testbench.errors import ConfigError
 from testbench.port import library
 from testbench.storage.inputs import read_text
@@ -27,7 +27,7 @@ MOTIONS = ("x", "vx", "y", "vy")
 VELOCITIES = [1, 3]
 
 
-def text_of(config):
+def configuration_text(config):
     """The configuration as lines "section.key = value" for gyro_plant_create."""
     lines = [
         f"{section}.{key} = {toml_value(value)}"
@@ -46,17 +46,17 @@ def reads(keys, name):
 
 def unread(config, keys):
     """{key: value} of what is not at its default and not among the keys that a library reads."""
-    default, found = Config(), {}
+    default, unread_values = Config(), {}
     for section in SECTIONS:
-        own = getattr(default, section).model_dump()
+        defaults = getattr(default, section).model_dump()
         for key, value in getattr(config, section).model_dump().items():
             name = f"{section}.{key}"
-            if value != own[key] and name != SEED and not reads(keys, name):
-                found[name] = value
-    return found
+            if value != defaults[key] and name != SEED and not reads(keys, name):
+                unread_values[name] = value
+    return unread_values
 
 
-def _refuse(config, engine):
+def _check_supported(config, engine):
     """ConfigError for what a plant behind the port cannot do."""
     s = config.scenario
     if engine == "baseband":
@@ -71,18 +71,20 @@ class Plant:
     """A library behind the port for one gyroscope; `params` belong into top.Params."""
 
     def __init__(self, config, engine):
-        _refuse(config, engine)
+        _check_supported(config, engine)
         s = config.scenario
-        found = library.opened(s.plant)
-        own = read_text(s.plant_file) if s.plant_file else ""
-        self.unseen = unread(config, found.keys)
+        plant_library = library.open_library(s.plant)
+        file_text = read_text(s.plant_file) if s.plant_file else ""
+        self.unseen = unread(config, plant_library.keys)
         for key in self.unseen:
             if key.startswith("effects."):
-                raise ConfigError(f"{s.plant}: does not read {key} = {toml_of(self.unseen[key])}: no run can claim it")
-        self.identity = {"plant": found.sha256}
+                raise ConfigError(
+                    f"{s.plant}: does not read {key} = {short_toml(self.unseen[key])}: no run can claim it"
+                )
+        self.identity = {"plant": plant_library.sha256}
         if s.plant_file:
-            self.identity["plant_file"] = hashlib.sha256(own.encode()).hexdigest()
-        self._instance = library.Instance(found, text_of(config), own)
+            self.identity["plant_file"] = hashlib.sha256(file_text.encode()).hexdigest()
+        self._instance = library.Instance(plant_library, configuration_text(config), file_text)
         self.params = foreign.mailboxes(self._instance.step, self._instance.address)
 
     def power_on(self, params, state, seed, temp_degc):
@@ -111,7 +113,7 @@ class Plant:
         kind, tick, which, value = (int(v) for v in self.params.failed)
         if kind == foreign.NOTHING:
             return
-        said = {
+        messages = {
             foreign.RETURNED: lambda: f"gyro_plant_step: {self._instance.line(value)}",
             foreign.CODE: lambda: f"code of adc_{CHANNELS[which]} is {value}, outside {adc.CODE_LO} .. {adc.CODE_HI}",
             foreign.PROMISE: lambda: (
@@ -122,15 +124,15 @@ class Plant:
             foreign.APART: lambda: f"drdy {which} and {value} clocks are less than {foreign.LEAST_APART} apart",
             foreign.NOT_FINITE: lambda: f"motion {MOTIONS[which]} is not finite",
         }
-        self._instance.fail(f"tick {tick}: {said[kind]()}")
+        self._instance.fail(f"tick {tick}: {messages[kind]()}")
 
     def notes(self):
         """Sentences on what runs here, and on what it does not see."""
-        found = self._instance.library
-        yield f"The plant is {found.path} (sha256 {found.sha256[:16]}), not the product's own."
+        plant_library = self._instance.library
+        yield f"The plant is {plant_library.path} (sha256 {plant_library.sha256[:16]}), not the product's own."
         if self.unseen:
-            shown = ", ".join(f"{key} = {toml_of(value)}" for key, value in self.unseen.items())
-            yield f"Not seen by this plant, which does not read them: {shown}."
+            unread_text = ", ".join(f"{key} = {short_toml(value)}" for key, value in self.unseen.items())
+            yield f"Not seen by this plant, which does not read them: {unread_text}."
         if not self.saves:
             yield "No checkpoint and no state are written: the library exports no gyro_plant_save."
 

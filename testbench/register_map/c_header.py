@@ -23,7 +23,7 @@ def _registers(top):
     """{name: words of the register, the low one first} of a compiled map."""
     found = {}
     for reg in top.registers():
-        name = HALF.sub("", reg.inst_name) if reg.size * 8 < _width(reg) else reg.inst_name
+        name = HALF.sub("", reg.inst_name) if reg.size * 8 < _register_width(reg) else reg.inst_name
         found.setdefault(name, []).append(reg)
     return found
 
@@ -32,7 +32,7 @@ def _format(reg):
     return tuple(int(part) for part in reg.get_property("gyro_format")[1:-1].split(","))
 
 
-def _width(reg):
+def _register_width(reg):
     return sum(_format(reg))
 
 
@@ -45,7 +45,7 @@ def _reset(words):
             if reset is None:
                 return None
             raw |= reset << field.low + word.get_property("gyro_low_bit")
-    width = _width(words[0])
+    width = _register_width(words[0])
     return raw - (1 << width) if words[0].get_property("gyro_signed") and raw >> width - 1 else raw
 
 
@@ -55,7 +55,7 @@ def _defines(name, words):
     sign, integer_bits, fraction_bits = _format(low)
     macros = {
         "ADDRESS": f"0x{low.absolute_address:03X}",
-        "WIDTH": _width(low),
+        "WIDTH": _register_width(low),
         "SIGNED": sign,
         "INTEGER_BITS": integer_bits,
         "FRACTION_BITS": fraction_bits,

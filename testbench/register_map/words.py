@@ -30,7 +30,7 @@ FIELDS = {
     "fault_clear": _single(fault_monitor.NAMES),
     "lock": _single(LOOPS),
     "flags": _single(fault_monitor.NAMES),
-    "sample_status": host_bus.held_fields(),
+    "sample_status": host_bus.sample_status_fields(),
     "spi_errors": _single(spi_slave.ERROR_BITS),
 }
 VALUES = {"state": sequencer.STATES}
@@ -57,7 +57,7 @@ class Word(NamedTuple):
     fields: tuple
 
 
-def map_of(design):
+def design_map(design):
     """`MAP` of a design: phases have its `dds_bits`, and reset values are its own."""
     reset = registers.reset(design)
     for r in MAP:
@@ -80,26 +80,26 @@ def lsb(register):
 
 def _fields(register, low_bit, width):
     """Fields of a word that holds `width` bits of a register."""
-    known = register.access != "ro" or not register.path
-    raw = registers.to_bus(register.reset, register.fmt) >> low_bit if known else None
-    places = FIELDS.get(register.name, {"VALUE": (0, width)})
+    has_reset = register.access != "ro" or not register.path
+    raw = registers.to_bus(register.reset, register.fmt) >> low_bit if has_reset else None
+    bit_ranges = FIELDS.get(register.name, {"VALUE": (0, width)})
 
     def reset(low, size):
         return None if raw is None else raw >> low & ((1 << size) - 1)
 
     values = VALUES.get(register.name, ())
-    return tuple(Field(name, low, size, reset(low, size), values) for name, (low, size) in places.items())
+    return tuple(Field(name, low, size, reset(low, size), values) for name, (low, size) in bit_ranges.items())
 
 
 def words(register_map=MAP):
     """Every `Word` of registers, by address."""
-    found = []
+    word_list = []
     for r in register_map:
         name, address = r.name.upper(), r.address * BYTES_PER_ADDRESS
         high = r.fmt.width - WORD_BITS
         if high <= 0:
-            found.append(Word(name, address, r, 0, "", _fields(r, 0, r.fmt.width)))
+            word_list.append(Word(name, address, r, 0, "", _fields(r, 0, r.fmt.width)))
             continue
-        found.append(Word(f"{name}_LO", address, r, 0, "LO", _fields(r, 0, WORD_BITS)))
-        found.append(Word(f"{name}_HI", address + WORD_BYTES, r, WORD_BITS, "HI", _fields(r, WORD_BITS, high)))
-    return tuple(sorted(found, key=lambda word: word.address))
+        word_list.append(Word(f"{name}_LO", address, r, 0, "LO", _fields(r, 0, WORD_BITS)))
+        word_list.append(Word(f"{name}_HI", address + WORD_BYTES, r, WORD_BITS, "HI", _fields(r, WORD_BITS, high)))
+    return tuple(sorted(word_list, key=lambda word: word.address))

@@ -97,13 +97,13 @@ def lock_frequency_hz(fx_hz, qx, xe1_deg, xe2_loop_deg):
 
 def pickoff_poles_s(base, channel, temp_degc):
     """Poles (s) between a mode and its C/V output: ring diode at small signals, instrumentation amplifier, driver."""
-    device = thermal.at_temperature(base, temp_degc)
+    device = thermal.device_at_temperature(base, temp_degc)
     gains = (device.ina_noise_gain, device.driver_noise_gain)
     _, tau_s = propagator.cv_chain(base, channel, temp_degc)
     return tau_s, *(gain / (2 * math.pi * device.opamp_gbw_hz) for gain in gains)
 
 
-def _of_path(firmware, channel, at):
+def _path_rows(firmware, channel, at):
     """Rows of the registers that one path has beyond the other."""
     counts = {"before": getattr(firmware, f"{channel}_sine_registers")}
     counts["behind"] = getattr(firmware, f"{channel}_code_registers")
@@ -120,31 +120,31 @@ def _switch(firmware, device, tick_clocks, at, fitted):
     return at.clocks("reference: mean wait for the sample, less half a sample", -0.5)
 
 
-def held_m(config, temp_degc):
+def setpoint_amplitude_m(config, temp_degc):
     """Drive amplitude (m) at which a ring that saturates shows the demodulator the set-point. ValueError: none does."""
     device = config.device()
     seen_v = build.nominal(config)["v_per_um"] * config.firmware.amplitude_um / (SID_GAIN * device.signal_gain)
     return ring_levels.amplitude_m(device, temp_degc, abs(seen_v))
 
 
-def _ring(config, temp_degc):
+def _ring_note(config, temp_degc):
     """Where the ring diode leaves 1 %, and what the plant makes of it."""
     device = config.device()
-    said = f"Ring diode: its gain has lost 1 % at {1e6 * ring_levels.limit_m(device, temp_degc):.3g} um "
-    said += f"({temp_degc:g} degC, within 8 %); set-point {config.firmware.amplitude_um:g} um"
+    text = f"Ring diode: its gain has lost 1 % at {1e6 * ring_levels.limit_m(device, temp_degc):.3g} um "
+    text += f"({temp_degc:g} degC, within 8 %); set-point {config.firmware.amplitude_um:g} um"
     if device.ring_saturation_on:
-        held_um = 1e6 * held_m(config, temp_degc)
-        return f"{said}, held at {held_um:.4g} um. It saturates in this plant (plant.ring_saturation_on = 1)."
-    return f"{said}. The plant keeps it linear (plant.ring_saturation_on = 0)."
+        amplitude_um = 1e6 * setpoint_amplitude_m(config, temp_degc)
+        return f"{text}, held at {amplitude_um:.4g} um. It saturates in this plant (plant.ring_saturation_on = 1)."
+    return f"{text}. The plant keeps it linear (plant.ring_saturation_on = 0)."
 
 
 def _amplifiers(config, temp_degc, f_hz):
     """What the amplifiers are asked for: C/V, drive outputs at the kick and at lock, sense outputs."""
     base, firmware = config.device(), config.firmware
-    warm, tick_s = thermal.at_temperature(base, temp_degc), 1 / config.design_record().tick_hz
+    warm, tick_s = thermal.device_at_temperature(base, temp_degc), 1 / config.design_record().tick_hz
     moves_m, w = 1e-6 * firmware.amplitude_um, 2 * math.pi * f_hz
     if base.ring_saturation_on:
-        moves_m = held_m(config, temp_degc)
+        moves_m = setpoint_amplitude_m(config, temp_degc)
     full_v = max(firmware.kick_v, firmware.drive_ceiling_v) / config.nominal.drive_dac_span_v * warm.drive_dac_span_v
     lock_n, n_per_v = warm.mass_kg * w**2 * moves_m / warm.qx, abs(warm.k_vf_drive_n_per_v)
     lock_v = lock_n / n_per_v if lock_n < n_per_v * full_v else full_v
@@ -164,14 +164,14 @@ def budget(config, temp_degc=None, frequency_hz=None):
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]
     temp_degc = number("temp_degc", temp_degc, *TEMPS_DEGC, "degC")
     firmware, base = config.firmware, config.device()
-    device = thermal.at_temperature(base, temp_degc)
-    design, board = config.design_record(), chips.of(config.design)
+    device = thermal.device_at_temperature(base, temp_degc)
+    design, board = config.design_record(), chips.design_chips(config.design)
     tick_clocks, clock_hz = design.tick_clocks, design.master_hz * (1 + 1e-6 * device.clock_ppm)
     tick_us, grid = f"{1e6 / design.tick_hz:g} us", f"{1e-6 * design.tick_hz:g} MHz"
     f = device.fx_hz if frequency_hz is None else number("frequency_hz", frequency_hz, 1.0, 1e6, "Hz")
 
     at = Rows(f, clock_hz, design.master_hz)
-    fitted = "fitted: " if config.of_paper else ""  # what the default board has for the paper's phases
+    fitted = "fitted: " if config.is_paper_board else ""  # what the default board has for the paper's phases
 
     def signal(channel, chip, frames, delay_s, words_deg):
         sine_deg, ref_deg = words_deg
@@ -181,7 +181,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("DDS output register", dds.LATENCY),
             at.clocks("sine pipeline", sine.LATENCY),
             at.clocks("extra pipeline registers", firmware.pipeline_registers),
-            *_of_path(firmware, channel, at),
+            *_path_rows(firmware, channel, at),
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
             at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip, tick_clocks)),
@@ -208,7 +208,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
     def forward(channel):
         ring_s, ina_s, driver_s = pickoff_poles_s(base, channel, temp_degc)
         if base.ring_saturation_on:
-            moves_m = held_m(config, temp_degc) if channel == "drive" else 0.0
+            moves_m = setpoint_amplitude_m(config, temp_degc) if channel == "drive" else 0.0
             ring_s = ring_levels.delay_s(base, channel, temp_degc, moves_m)
         return [
             at.pole("ring diode with its capacitors", ring_s, f"{fitted}capacitors"),
@@ -232,8 +232,8 @@ def budget(config, temp_degc=None, frequency_hz=None):
             "ye2": forward("sense"),
         },
         {"xe2": switch, "ye2": switch},
-        dict(PAPER_DEG) if config.of_paper else dict.fromkeys(NODES),
-        _ring(config, temp_degc),
+        dict(PAPER_DEG) if config.is_paper_board else dict.fromkeys(NODES),
+        _ring_note(config, temp_degc),
         _amplifiers(config, temp_degc, f),
     )
 

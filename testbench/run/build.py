@@ -41,9 +41,9 @@ from fpga_model import (
     wiring,
 )
 from fpga_model import top as fpga
-from testbench.config.toml_text import toml_of
+from testbench.config.toml_text import short_toml
 from testbench.engines import chips, engine
-from testbench.run import resting
+from testbench.run import repeated_code_probability
 
 RAD_PER_DEG = math.pi / 180
 KNOT_K = 0.5
@@ -70,7 +70,7 @@ def nominal(config):
     amplitude_m = config.firmware.amplitude_um * 1e-6
     gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
     if d.ring_saturation_on:
-        gain = ring_levels.seen_v_per_m(d, d.temp_ref_degc, amplitude_m)
+        gain = ring_levels.demodulated_v_per_m(d, d.temp_ref_degc, amplitude_m)
     sense_gain, _ = propagator.cv_chain(d, "sense", d.temp_ref_degc)
     sid_gain = 4 / math.pi
     coriolis_n = 2 * d.coriolis_mass_kg * w * amplitude_m * RAD_PER_DEG
@@ -117,14 +117,16 @@ def _check_nominal(d, drive_gain, sense_gain):
 def firmware(config):
     """Parameters of the FPGA. Raises ValueError if two ends of a wire have different formats."""
     f, n, d = config.firmware, nominal(config), config.nominal_device()
-    record, board = config.design_record(), chips.of(config.design)
+    record, board = config.design_record(), chips.design_chips(config.design)
     wiring.check(record)
     sid_part = digital_sid.design()
     if f.board == "digital_sid":
         sid_part = digital_sid.design(samples_per_dump=record.frame_ticks, frame_hz=record.frame_hz)
-    samples_move = resting.sar_alarm(config) < resting.LIMIT
-    codes_move = f.board == "analog_sid" and resting.adc_alarm(config) < resting.LIMIT
-    made = fpga.Params(
+    samples_move = repeated_code_probability.sar_alarm(config) < repeated_code_probability.LIMIT
+    codes_move = (
+        f.board == "analog_sid" and repeated_code_probability.adc_alarm(config) < repeated_code_probability.LIMIT
+    )
+    fpga_params = fpga.Params(
         digital=1 if f.board == "digital_sid" else 0,
         quadrature_fast=1 if f.quadrature_update_khz == 1000 else 0,
         pipe=delay.design(f.pipeline_registers),
@@ -177,7 +179,7 @@ def firmware(config):
             record,
         ),
     )
-    return made._replace(control=_narrowed(made.control, config.design))
+    return fpga_params._replace(control=_narrowed(fpga_params.control, config.design))
 
 
 def _narrowed(loops, design):
@@ -231,7 +233,7 @@ def rate_scale(config):
 
 def no_rate_output(config):
     """Lines: that the rate output reads 0, and why."""
-    if not config.of_paper and rate_scale(config) == 0:
+    if not config.is_paper_board and rate_scale(config) == 0:
         yield (
             f"the rate output reads 0: {word_per_deg_s(config):.4g} LSB of the force word per deg/s are below "
             f"{rate_output.LEAST_WORD_PER_DEG_S:.4g}, the least that RATE_SCALE holds; the force word has the rate"
@@ -242,7 +244,7 @@ def register_writes(config):
     """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
     f, n, record = config.firmware, nominal(config), config.design_record()
     # its reset value is that of the paper's board
-    scale = () if config.of_paper else (("rate_scale", rate_scale(config)),)
+    scale = () if config.is_paper_board else (("rate_scale", rate_scale(config)),)
     names = ("phase_drive_sine", "phase_sense_sine", "phase_drive_ref", "phase_sense_ref")
     return (
         ("frequency_fixed", dds.word_of_hz(f.nominal_frequency_hz, record)),
@@ -301,14 +303,14 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         if getattr(d, name) >= 1 / record.tick_hz:
             limit = f"the limit {1 / record.tick_hz:g} s, one plant tick"
             raise ValueError(f"plant.{name} = {getattr(d, name):g} is above {limit}")
-    warm = thermal.at_temperature(d, temp_lo_degc)
+    warm = thermal.device_at_temperature(d, temp_lo_degc)
     knots = _knots(d, temp_lo_degc, temp_hi_degc, KNOT_K, clock=propagator.Clock(record.master_hz, clocks))
     tables = knots.stacks
     tick_s = float(tables.tick_s[0])
     on, seed = config.noise, config.noise.seed
     w = 2 * math.pi
 
-    def held(name, sigma, density, switch):
+    def scaled_source(name, sigma, density, switch):
         return noise.source(seed, name, sigma(density, warm.fx_hz, tick_s), switch)
 
     at_carrier, force_density = noise.sigma_at_carrier, noise.thermomechanical_density
@@ -317,7 +319,7 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     cv_x, cv_y = (cv_noise.cv_density(d, temp_lo_degc, c) * abs(d.signal_gain) for c in ("drive", "sense"))
     rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s, clocks)
     fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s, clocks)
-    board = chips.of(config.design)
+    board = chips.design_chips(config.design)
     converters = (
         dac.design(board.drive.bits, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
         dac.design(board.sense.bits, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
@@ -334,26 +336,26 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         temp_count=knots.count,
         switch_tau_s=np.array([fall[0], rise[0]]),
         switch_carry=np.array([fall[1], rise[1]]),
-        sid=sid.design(float(tables.sid_rc_s[0]), tick_s, sid.of_device(warm)),
+        sid=sid.design(float(tables.sid_rc_s[0]), tick_s, sid.device_injection(warm)),
         adc=adc_part(config, warm, tick_s),
         noise=plant.Noise(
-            force_x=held("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
-            force_y=held("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
-            cv_x=held("cv_x", noise.sigma_demodulated, cv_x, on.cv),
-            cv_y=held("cv_y", noise.sigma_demodulated, cv_y, on.cv),
-            drive_dac=held("dac_drive", at_carrier, d.drive_dac_noise_v_per_rthz, on.dac),
-            sense_dac=held("dac_sense", at_carrier, d.sense_dac_noise_v_per_rthz, on.dac),
+            force_x=scaled_source("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
+            force_y=scaled_source("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
+            cv_x=scaled_source("cv_x", noise.sigma_demodulated, cv_x, on.cv),
+            cv_y=scaled_source("cv_y", noise.sigma_demodulated, cv_y, on.cv),
+            drive_dac=scaled_source("dac_drive", at_carrier, d.drive_dac_noise_v_per_rthz, on.dac),
+            sense_dac=scaled_source("dac_sense", at_carrier, d.sense_dac_noise_v_per_rthz, on.dac),
             edge_jitter=noise.source(seed, "edge_jitter", d.clock_jitter_s, on.jitter),
         ),
         effects=_effects(config, warm, tick_s),
-        laws=_laws(config, warm, tick_s),
+        laws=_configured_laws(config, warm, tick_s),
         sar_lsb_v=d.sar_span_v / 2**17,
         slope_gain=float(d.signal_gain),
-        ring=_ring(config, d, (temp_lo_degc, temp_hi_degc), tick_s),
+        ring=_ring_parameters(config, d, (temp_lo_degc, temp_hi_degc), tick_s),
     )
 
 
-def _ring(config, device, temps_degc, tick_s):
+def _ring_parameters(config, device, temps_degc, tick_s):
     """What a saturating ring adds to the C/V outputs; off, bit for bit nothing."""
     if config.firmware.board == "digital_sid" and device.ring_saturation_on:
         raise ValueError('plant.ring_saturation_on = 1 needs firmware.board = "analog_sid"')
@@ -386,7 +388,7 @@ def _effects(config, device, tick_s):
     )
 
 
-def _laws(config, device, tick_s):
+def _configured_laws(config, device, tick_s):
     """Laws of the catalogue that the configuration switches on, then those that it writes out."""
     e = config.effects
     laws = [item for c in catalogue.LAWS for item in catalogue.laws(c, getattr(e, c.INFO.name), device)]
@@ -404,7 +406,7 @@ def adc_part(config, d, tick_s):
     on, e, record = config.noise, config.effects, config.design_record()
     for name in ("adc_curve", "adc_turnover", "adc_gain_tc_per_k", "adc_memory"):
         if getattr(e, name) and config.firmware.board == "digital_sid":
-            raise ValueError(f'effects.{name} = {toml_of(getattr(e, name))} needs firmware.board = "analog_sid"')
+            raise ValueError(f'effects.{name} = {short_toml(getattr(e, name))} needs firmware.board = "analog_sid"')
     drive, sense = d.adc_noise_drive_v, d.adc_noise_sense_v
     flicker = d.sid_flicker_v_per_rthz if on.flicker else 0.0
     free_ppm = d.adc_clock_ppm if config.firmware.adc_clock == "free_running" else 0.0
@@ -431,7 +433,7 @@ def adc_part(config, d, tick_s):
 def params(config, temp_lo_degc, temp_hi_degc):
     """Parameters of the engine."""
     plant_params = analog(config, temp_lo_degc, temp_hi_degc)
-    parts = chips.parts(chips.of(config.design))
+    parts = chips.parts(chips.design_chips(config.design))
     return engine.Params(firmware(config), plant_params, sine.table(config.design_record()), parts)
 
 

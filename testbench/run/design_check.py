@@ -26,9 +26,9 @@ def default_only(config, what, keys=None):
         raise ConfigError(f'scenario.host = "{config.scenario.host}": {what} has writes of the bank\'s bus, "bus"')
     standard = type(config.design)()
     for key in keys or type(config.design).model_fields:
-        found, default = getattr(config.design, key), getattr(standard, key)
-        if found != default:
-            raise ConfigError(f"design.{key} = {found}: {what} is of the default design, {default}, alone")
+        value, default = getattr(config.design, key), getattr(standard, key)
+        if value != default:
+            raise ConfigError(f"design.{key} = {value}: {what} is of the default design, {default}, alone")
 
 
 def _frame(d, role):
@@ -40,11 +40,12 @@ def _frame(d, role):
                 raise ConfigError(f'design.{key} = {getattr(d, key)} needs design.{dac} = "generic"')
         return
     bits = getattr(d, f"{dac}_bits", chips.QUADRATURE_BITS)
-    tail, given, command = (getattr(d, f"{dac}_{key}") for key in ("tail_bits", "frame_bits", "command"))
-    frame, most = given or bits + tail, spi_dac.WORD.width
+    tail, frame_bits, command = (getattr(d, f"{dac}_{key}") for key in ("tail_bits", "frame_bits", "command"))
+    frame, most = frame_bits or bits + tail, spi_dac.WORD.width
     if not bits + tail <= frame <= most:
         raise ConfigError(
-            f"design.{dac}_frame_bits = {given} bits: code and tail take {bits + tail} bits, and {most} is the limit"
+            f"design.{dac}_frame_bits = {frame_bits} bits: code and tail take {bits + tail} bits, and {most} is "
+            "the limit"
         )
     if command >> (frame - bits - tail):
         raise ConfigError(
@@ -56,12 +57,13 @@ def _frame(d, role):
 def _serial(d, role, ticks):
     """Refuse a frame or an SCLK that a role's part does not allow, and one that does not end within `ticks`."""
     _frame(d, role)
-    chip, divider = getattr(chips.of(d), role), getattr(d, f"{role}_dac_divider")
+    chip, divider = getattr(chips.design_chips(d), role), getattr(d, f"{role}_dac_divider")
     text = f"the {'V_q' if role == 'quadrature' else role} DAC {chip.name}"
     if d.master_hz > divider * chip.most_hz:
-        bits, over = chip.master.bits, f" / {role}_dac_divider = {divider}" if divider > 1 else ""
+        bits, divider_text = chip.master.bits, f" / {role}_dac_divider = {divider}" if divider > 1 else ""
         raise ConfigError(
-            f"design.master_hz = {d.master_hz} Hz{over} is above {chip.most_hz} Hz, the SCLK limit of {text}: its "
+            f"design.master_hz = {d.master_hz} Hz{divider_text} is above {chip.most_hz} Hz, the SCLK limit of "
+            f"{text}: its "
             f"{bits} bits take {1e9 * bits / chip.most_hz:.0f} ns or more"
         )
     if 2 * d.master_hz * chip.high_s > 1:

@@ -100,8 +100,8 @@ def chain_means(poles_s, instant_s, tick_s, clocks=DEFAULT.tick_clocks):
     for i in range(clocks):
         begin, end = i * clock_s, (i + 1) * clock_s
         (free0, settled0), (free1, settled1) = integral(begin), integral(end)
-        late = integral(end - instant_s)[1] - integral(begin - instant_s)[1]
-        means[:, i] = (*(free1 - free0), settled1 - settled0, late)
+        step_integral = integral(end - instant_s)[1] - integral(begin - instant_s)[1]
+        means[:, i] = (*(free1 - free0), settled1 - settled0, step_integral)
     return means / clock_s
 
 
@@ -156,9 +156,9 @@ def pin_lag(sine, cosine, grid_turns):
     if not len(errors):
         return PinLag(np.nan, np.inf, np.nan)
     errors = errors[0] + wrap_deg(360.0 * (errors - errors[0])) / 360.0
-    even = (errors.min() + errors.max()) / 2
-    beyond = wrap_deg(360.0 * (pin_lag_turns(sine) - even)) / 360.0
-    return PinLag(float(even), float(max(grid_turns - np.ptp(errors), 0.0) / np.sqrt(12.0)), float(beyond))
+    mean_lag = (errors.min() + errors.max()) / 2
+    sine_excess = wrap_deg(360.0 * (pin_lag_turns(sine) - mean_lag)) / 360.0
+    return PinLag(float(mean_lag), float(max(grid_turns - np.ptp(errors), 0.0) / np.sqrt(12.0)), float(sine_excess))
 
 
 def pickoff(theta, before, after, free, turns_per_tick):
@@ -169,7 +169,7 @@ def pickoff(theta, before, after, free, turns_per_tick):
     is `off` by df/f of itself. It is not corrected, which would take the lag to be a delay, and so counts in sigma.
     """
     free = None if free is None else free[1:]
-    first, second, earlier = phase_meter.fits(theta[1:], [before[1:], after[1:], before[:-1]], free)
+    first, second, earlier = phase_meter.fit_samples(theta[1:], [before[1:], after[1:], before[:-1]], free)
     lag_deg, tick_deg = wrap_deg(second.lag_deg - first.lag_deg), (earlier.lag_deg - first.lag_deg) % 360.0
     shares_deg = second.shares_deg - first.shares_deg
     shares_deg = shares_deg - lag_deg / tick_deg * (earlier.shares_deg - first.shares_deg)

@@ -60,14 +60,14 @@ def write(result, config, tables=(), progress=None, directory=None):
     tables     go into the report
     directory  instead of that of [output]
     """
-    wanted, files = config.output, []
-    folder = check_folder(directory or wanted.directory)
+    output_section, files = config.output, []
+    folder = check_folder(directory or output_section.directory)
 
     def step(text):
         if progress:
             progress(text, len(files), 8)
 
-    if wanted.record and result.record is not None:
+    if output_section.record and result.record is not None:
         step("record")
         result.record.write(folder / "run.h5", progress)
         files.append(folder / "run.h5")
@@ -77,11 +77,11 @@ def write(result, config, tables=(), progress=None, directory=None):
 
         files += write_window(folder / "run.vcd", *result.window, analog=CURVES)
     pictures = []
-    if wanted.pictures or wanted.html:
+    if output_section.pictures or output_section.html:
         step("pictures")
         pictures = _pictures(result, folder)
         files += [path for _, path in pictures]
-    if wanted.html:
+    if output_section.html:
         step("report")
         from testbench.config import to_toml
         from testbench.console import report
@@ -90,7 +90,7 @@ def write(result, config, tables=(), progress=None, directory=None):
         details = [("Configuration", to_toml(config))]
         report.write_html(folder / "run.html", title, tables, pictures, result.notes, details)
         files.append(folder / "run.html")
-    if wanted.state and result.state is not None:
+    if output_section.state and result.state is not None:
         step("state")
         from testbench.storage.state_file import save_state
 

@@ -123,7 +123,7 @@ def _reading(gram, coefficients, parts, samples):
     return Reading(lag, sum_sigma(shares), amplitude, samples, shares)
 
 
-def fits(theta_turns, nodes, free_turns=None):
+def fit_samples(theta_turns, nodes, free_turns=None):
     """`Fit` of samples that are all there.
 
     theta_turns  reference phase at each sample (turns)
@@ -138,7 +138,7 @@ def fits(theta_turns, nodes, free_turns=None):
 
 def fit(theta_turns, samples, free_turns=None):
     """`fits` of a single node."""
-    return fits(theta_turns, [samples], free_turns)[0]
+    return fit_samples(theta_turns, [samples], free_turns)[0]
 
 
 def count(theta_turns_at_crossings):

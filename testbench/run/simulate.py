@@ -28,9 +28,9 @@ from testbench.config import changed, from_dict, needed, placeless, scenario, to
 from testbench.engines import engine
 from testbench.errors import ConfigError, FileError
 from testbench.run import build, nodes, summary
-from testbench.run.doubts import Doubts
+from testbench.run.anomaly_warnings import AnomalyDetector
+from testbench.run.run_statistics import RunStatistics, StartUp
 from testbench.run.simulation import CHUNK_TICKS, DEG, FRAME, Simulation
-from testbench.run.tally import StartUp, Tally
 from testbench.storage import checkpoint, identity, inputs
 from testbench.storage.spool import Recording, Spool
 
@@ -70,7 +70,7 @@ class Watch:
         return np.concatenate(self._pieces)
 
 
-def faults_of(active):
+def build_faults(active):
     """`engine.Faults` from the list of (kind, channel, value) in force."""
     silent, status = 0, engine.Faults().status
     channel, level, dac, dac_code = [0] * 5, [0] * 5, [0] * 3, [0] * 3
@@ -132,19 +132,19 @@ def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=None):
     sim.now = sim.conditions(rate_rad_s, temp_degc)
     if max(map(len, sim.now)) > 1:
         raise ConfigError("start: rate_rad_s and temp_degc are one number each; advance takes profiles")
-    seen = StartUp(sim.design.frame_hz)
-    sim.sinks.append(seen)
+    start_up = StartUp(sim.design.frame_hz)
+    sim.sinks.append(start_up)
     for name, raw in sim.first_writes:
         sim.write(name, raw)
     while not sim.locked and sim.tick < limit:
         sim.advance(min(LOCK_STEP_TICKS, limit - sim.tick), rate_rad_s, temp_degc)
         if progress:
             progress("start-up to lock", sim.tick, limit)
-    sim.sinks.remove(seen)
+    sim.sinks.remove(start_up)
     if not sim.locked:
         return None
     # a lock in the middle of the last frame has no row yet
-    return seen.lock_s if seen.lock_s is not None else sim.tick / sim.design.tick_hz
+    return start_up.lock_s if start_up.lock_s is not None else sim.tick / sim.design.tick_hz
 
 
 @dataclass
@@ -164,7 +164,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
     active = []
     for event in timeline.events[: position.fired]:
         active = _in_force(active, event)
-    sim.faults = faults_of(active)
+    sim.faults = build_faults(active)
     while position.done < timeline.ticks:
         for event in timeline.events[position.fired :]:
             if event.tick > position.done:
@@ -175,7 +175,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
                 sim.write(event.name, event.value)
                 position.done += sim.tick - before
             active = _in_force(active, event)
-            sim.faults = faults_of(active)
+            sim.faults = build_faults(active)
             position.fired += 1
         ahead = timeline.events[position.fired :]
         until = min(ahead[0].tick if ahead else timeline.ticks, timeline.ticks)
@@ -187,7 +187,7 @@ def play(sim, timeline, progress=None, position=None, after_chunk=None):
             progress("scenario", position.done, timeline.ticks)
         if after_chunk:
             after_chunk()
-    sim.faults = faults_of([])
+    sim.faults = build_faults([])
 
 
 def _in_force(active, event):
@@ -201,20 +201,20 @@ def _in_force(active, event):
 
 def _profiles(timeline, position, sim, ticks):
     """Rate and temperature for the frames of a chunk, the first for the frame in progress."""
-    frame = sim.frame_of(sim.tick) - sim.frame_of(position.begin)
-    return tuple(p.at(frame, sim.frame_of(ticks) + 2) for p in (timeline.rate_rad_s, timeline.temp_degc))
+    frame = sim.frame_index(sim.tick) - sim.frame_index(position.begin)
+    return tuple(p.frame_values(frame, sim.frame_index(ticks) + 2) for p in (timeline.rate_rad_s, timeline.temp_degc))
 
 
 def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     """The two diagnostic segments."""
 
-    def say(part):
+    def report_step(part):
         if progress:
             progress("diagnosis", part, 4)
 
-    say(0)
-    known, device, slower = build.nominal(sim.config), sim.config.nominal_device(), pace(sim.config)
-    step_dps = min(STEP_DPS, RANGE_PART * device.sense_dac_span_v / abs(known["word_v_per_deg_s"]))
+    report_step(0)
+    nominal, device, slower = build.nominal(sim.config), sim.config.nominal_device(), pace(sim.config)
+    step_dps = min(STEP_DPS, RANGE_PART * device.sense_dac_span_v / abs(nominal["word_v_per_deg_s"]))
     least_dps = LEAST_DPS / STEP_DPS * step_dps
     before_rate = rate_rad_s / DEG
     after_rate = before_rate - math.copysign(step_dps, before_rate)
@@ -233,31 +233,31 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     mean_before, mean_after = word[head - frames : head].mean(), word[-frames:].mean()
     scale = (mean_after - mean_before) / (after_rate - before_rate)
     before, after = (round(seconds * tick_hz / frame_ticks) for seconds in SHOWN_S)
-    shown = slice(head - before, head + after)
-    time_s = (np.arange(len(word)) - head)[shown] * frame_ticks / tick_hz
+    plot_rows = slice(head - before, head + after)
+    time_s = (np.arange(len(word)) - head)[plot_rows] * frame_ticks / tick_hz
     offset = mean_before / scale - before_rate
     step = {
         "time_s": time_s,
-        "rate_dps": word[shown] / scale - offset,
+        "rate_dps": word[plot_rows] / scale - offset,
         "stimulus_dps": np.where(time_s < 0, before_rate, after_rate),
     }
-    say(1)
+    report_step(1)
     bank = sim.state.fpga.registers
     u = sim.state.fpga.control.quadrature_loop.loop.y
-    per_dps = quadrature_loop.u_of_volts(known["null_v"], device.quad_dac_span_v) / known["null_deg_per_s"]
-    open_dps = min(OPEN_DPS, RANGE_PART * known["adc_sense_v"] / abs(known["code_v_per_deg_s"]))
+    per_dps = quadrature_loop.u_of_volts(nominal["null_v"], device.quad_dac_span_v) / nominal["null_deg_per_s"]
+    open_dps = min(OPEN_DPS, RANGE_PART * nominal["adc_sense_v"] / abs(nominal["code_v_per_deg_s"]))
     open_u = u - open_dps * per_dps if u > open_dps * per_dps else u + open_dps * per_dps
     sim.write("quadrature_fixed", int(min(open_u, 2**32 - 1)))
     sim.write("control", bank.control | sequencer.HOLD_FTR | sequencer.FIX_QSC)
     sim.advance(round(OPEN_S * tick_hz), after_rate * DEG, temp_degc)
-    say(2)
+    report_step(2)
     ticks = round(PROBE_S * tick_hz)
     streams = sim.advance(ticks, after_rate * DEG, temp_degc, probe_ticks=ticks)
     probe = sim.read_out(streams, temp_degc)
-    say(3)
+    report_step(3)
     readings = nodes.read(probe)
     sim.write("control", bank.control)
-    say(4)
+    report_step(4)
     return Reading(readings, scale, step, probe.edges)
 
 
@@ -282,10 +282,10 @@ class Run:
             us = 1e-6 * config.design_record().tick_hz
             window = (round(config.output.vcd_start_us * us), max(1, round(config.output.vcd_length_us * us)))
         self.sim = Simulation(config, min(lo, self.temp_before_degc), max(hi, self.temp_before_degc), window)
-        self.tally, self.start_up, self.doubts = (
-            Tally(build.lsb_hz(config)),
+        self.statistics, self.start_up, self.anomaly_detector = (
+            RunStatistics(build.lsb_hz(config)),
             StartUp(self.sim.design.frame_hz),
-            Doubts(pace(config), config.device().adc_step_code),
+            AnomalyDetector(pace(config), config.device().adc_step_code),
         )
         self.position, self.segments = Position(), dict.fromkeys(SEGMENTS, -1)
         self.partial = directory
@@ -296,9 +296,9 @@ class Run:
         self.tick_before, self.spent_before_s = 0, 0.0  # where the scenario begins
         self._every_ticks = round(config.output.checkpoint_s * self.sim.design.tick_hz)
         self.others = []  # identities of other versions that this run continues
-        parts, meta = self._load() if resume else ({}, {})
+        parts, meta = self._load_checkpoint() if resume else ({}, {})
         if self.partial and not resume:
-            self.partial.begin(to_toml(config))
+            self.partial.begin_run(to_toml(config))
         self.recording = None
         if config.output.record:
             rows = parts["spool"]["rows"] if resume else None
@@ -313,12 +313,14 @@ class Run:
             )
             self.recording.codes, self.recording.partial = self.sim.hash, self.partial
         self.sim.keep_rows = False
-        self.sim.sinks = [self.start_up, self.tally, self.doubts] + ([self.recording.spool] if self.recording else [])
+        self.sim.sinks = [self.start_up, self.statistics, self.anomaly_detector] + (
+            [self.recording.spool] if self.recording else []
+        )
         if resume:
             self._restore(parts, meta)
         self._next_tick = self.sim.tick + self._every_ticks
 
-    def _load(self):
+    def _load_checkpoint(self):
         """(parts, meta) of the checkpoint, which must be of this configuration and, unless allowed, of this version."""
         self.partial.hold()
         parts, meta = self.partial.load(*self.sim.layouts())
@@ -337,27 +339,27 @@ class Run:
         if other is not None:
             self.others.append(other)
 
-    def begin(self, segment):
+    def begin_segment(self, segment):
         """Note where a segment begins."""
         self.segments[segment] = self.sim.design.tick_clocks * self.sim.tick
 
     def start(self, progress):
         """From power-on or from a state file to where the scenario begins."""
-        wanted, sim = self.config.scenario, self.sim
+        scenario_section, sim = self.config.scenario, self.sim
         sim.now = (np.array([self.rate_before_rad_s]), np.array([self.temp_before_degc]))
-        if wanted.resume:
-            self._continues(sim.restore(wanted.resume))
+        if scenario_section.resume:
+            self._continues(sim.restore(scenario_section.resume))
         else:
-            self.begin("start_up")
-            if wanted.origin == "lock":
+            self.begin_segment("start_up")
+            if scenario_section.origin == "lock":
                 start(self.config, sim, self.rate_before_rad_s, self.temp_before_degc, progress)
             else:
                 for name, raw in sim.first_writes:
                     sim.write(name, raw)
-        self.begin("scenario")
+        self.begin_segment("scenario")
         self._next_tick = sim.tick + self._every_ticks
         self.spent_before_s, self.tick_before = sim.seconds_spent, sim.tick
-        self.tally.active = self.doubts.active = True
+        self.statistics.active = self.anomaly_detector.active = True
 
     def checkpoint_if_due(self):
         """Write a checkpoint where one is due; not inside the register window, whose rows are kept when complete."""
@@ -373,8 +375,8 @@ class Run:
         }
         parts = {
             "sim": sim.dump_all(),
-            "tally": self.tally.dump(),
-            "doubts": self.doubts.dump(),
+            "tally": self.statistics.dump(),
+            "doubts": self.anomaly_detector.dump(),
             "start_up": self.start_up.dump(),
             "position": vars(self.position),
             "segments": self.segments,
@@ -388,10 +390,10 @@ class Run:
     def _restore(self, parts, meta):
         sim = self.sim
         sim.restore_all(parts["sim"])
-        self.tally.restore(parts["tally"])
+        self.statistics.restore(parts["tally"])
         # a checkpoint of version 0.1.0 has none: what it gathered is not looked at
-        self.doubts.restore(parts.get("doubts", {}))
-        self.tally.active = self.doubts.active = True
+        self.anomaly_detector.restore(parts.get("doubts", {}))
+        self.statistics.active = self.anomaly_detector.active = True
         self.start_up.restore(parts["start_up"])
         self.position = Position(**parts["position"])
         self.segments = parts["segments"]
@@ -401,10 +403,10 @@ class Run:
         columns = len(engine.PIN_COLUMNS) + sim.register_count
         sim.rows = self.partial.load_window(columns, meta.get("window_sha256", ""))
 
-    def play(self, progress):
+    def play_scenario(self, progress):
         """The scenario, or what is left of it."""
         play(self.sim, self.timeline, progress, self.position, self.checkpoint_if_due)
-        self.tally.active = self.doubts.active = False
+        self.statistics.active = self.anomaly_detector.active = False
 
     def end(self):
         """What holds at the end of the scenario: `summary.End`."""
@@ -433,13 +435,15 @@ def run(config, progress=None, directory=None, resume=False, sinks=()):
     if not resume:
         job.start(progress)
     job.sim.sinks.extend(sinks)
-    job.play(progress)
+    job.play_scenario(progress)
     job.sim.sinks = [sink for sink in job.sim.sinks if sink not in sinks]
     end, reading = job.end(), None
     if end.locked and config.scenario.diagnose and not job.sim.foreign:
-        job.begin("diagnosis")
+        job.begin_segment("diagnosis")
         last = job.timeline.frames - 1
-        rate_rad_s, temp_degc = (float(p.at(last)[0]) for p in (job.timeline.rate_rad_s, job.timeline.temp_degc))
+        rate_rad_s, temp_degc = (
+            float(p.frame_values(last)[0]) for p in (job.timeline.rate_rad_s, job.timeline.temp_degc)
+        )
         reading = diagnose(job.sim, rate_rad_s, temp_degc, progress)
     if job.recording:
         names = [name for name in SEGMENTS if job.segments[name] >= 0]

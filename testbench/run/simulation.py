@@ -31,7 +31,7 @@ from testbench.port.plant import Plant
 from testbench.run import build, design_check, nodes, warmup
 from testbench.storage import identity, state_file
 from testbench.storage.code_hash import WORDS, CodeHash, frames_begun
-from testbench.storage.inputs import checked, parse_json, parse_toml
+from testbench.storage.inputs import parse_json, parse_toml, validate_data
 
 DEG = math.pi / 180
 CHUNK_TICKS = 100_000
@@ -106,7 +106,7 @@ class Simulation:
         self.state = clocked.reset(self.params, temp_lo_degc)
         if self.foreign:
             self.foreign.power_on(self.params.plant, self.state.plant, config.noise.seed, temp_lo_degc)
-        self.window = _window(window)
+        self.window = _parse_window(window)
         self.now = np.zeros(1), np.full(1, temp_lo_degc)  # rate and temperature of the last tick
         self.rows = None
         self.sinks = []
@@ -143,7 +143,7 @@ class Simulation:
     def tick(self):
         return self.state.tick
 
-    def frame_of(self, tick):
+    def frame_index(self, tick):
         """The frame that a tick belongs to."""
         return tick // self.design.frame_ticks
 
@@ -153,15 +153,15 @@ class Simulation:
 
     def write(self, name, raw):
         """Host write of a register at the next edge, which takes one tick; over the SPI pins those of its frame too."""
-        known = scenario.writable_registers()
-        if not isinstance(name, str) or name not in known:
-            raise ConfigError(f"write: {name!r} is not a writable register; {scenario.nearest(name, known)}")
-        raw, entry = integer(f"write: {name}", raw, known[name].lo, known[name].hi), registers.BY_NAME[name]
+        formats = scenario.writable_registers()
+        if not isinstance(name, str) or name not in formats:
+            raise ConfigError(f"write: {name!r} is not a writable register; {scenario.nearest(name, formats)}")
+        raw, entry = integer(f"write: {name}", raw, formats[name].lo, formats[name].hi), registers.BY_NAME[name]
         address, data = entry.address, registers.to_bus(raw, entry.fmt)
         if self.config.scenario.host == "spi":
-            found = host_frames.written(self.design, entry, raw)
-            address, data = found.address, found.data
-            self.advance(found.ticks, *self.now)
+            frame = host_frames.written(self.design, entry, raw)
+            address, data = frame.address, frame.data
+            self.advance(frame.ticks, *self.now)
         self._advance(1, *self.now, (1, address, data))
 
     def conditions(self, rate_rad_s, temp_degc):
@@ -174,16 +174,16 @@ class Simulation:
         ticks = integer("ticks", ticks, 0, MOST_TICKS - self.tick, "ticks")
         probe_ticks = integer("probe_ticks", probe_ticks, 0, ticks, "ticks")
         rate, temp = self.conditions(rate_rad_s, temp_degc)
-        done, streams = 0, None
-        while done < ticks:
-            step = ticks if probe_ticks else self._to_window(min(self.chunk_ticks, ticks - done))
-            first = self.frame_of(self.tick) - self.frame_of(self.tick - done)
+        elapsed_ticks, streams = 0, None
+        while elapsed_ticks < ticks:
+            step = ticks if probe_ticks else self._to_window(min(self.chunk_ticks, ticks - elapsed_ticks))
+            first = self.frame_index(self.tick) - self.frame_index(self.tick - elapsed_ticks)
             streams = self._advance(
                 step, rate[min(first, len(rate) - 1) :], temp[min(first, len(temp) - 1) :], probe_ticks=probe_ticks
             )
-            done += step
+            elapsed_ticks += step
             if progress:
-                progress(done)
+                progress(elapsed_ticks)
         return streams
 
     def _to_window(self, step):
@@ -204,17 +204,17 @@ class Simulation:
             raise ConfigError("scenario.plant: no phases can be read: the port has no voltages of the plant's nodes")
         rate, temp, streams = self.chunk(ticks, rate, temp, probe_ticks)
         started = time.perf_counter()
-        with interrupts.held():
+        with interrupts.defer_interrupts():
             state = self._run(self.params, self.state, ticks, rate, temp, host, self.faults, streams)
         self.seconds_spent += time.perf_counter() - started
         if self.foreign:
             self.foreign.finish(streams)
-        self.moved(state, streams, self.in_window and not probe_ticks)
+        self.commit_chunk(state, streams, self.in_window and not probe_ticks)
         return streams
 
     def chunk(self, ticks, rate, temp, probe_ticks=0):
         """What an engine is told for the next `ticks`: rates (rad/s) and temperatures (degC) per frame, and Streams."""
-        need = self.frame_of(ticks) + 2
+        need = self.frame_index(ticks) + 2
         rate, temp = _lengthened(rate, need), _lengthened(temp, need)
         self.now = (rate[-1:], temp[-1:])
         inside = self.in_window and not probe_ticks
@@ -227,7 +227,7 @@ class Simulation:
         )
         return rate, self._warmed(temp, ticks), streams
 
-    def moved(self, state, streams, inside=False):
+    def commit_chunk(self, state, streams, inside=False):
         """An engine has come to `state` and filled `streams`; `inside` the register window."""
         tick, self.state = self.tick, state
         if self.keep_codes:
@@ -239,7 +239,7 @@ class Simulation:
                 self.frames.append(streams.frames)
                 self.truth.append(streams.truth)
             for sink in self.sinks:
-                sink.add(-self.frame_of(-tick), streams.frames, streams.truth)
+                sink.add(-self.frame_index(-tick), streams.frames, streams.truth)
         self.peak_x = max(self.peak_x, float(streams.peak_x[0]))
         if inside:
             rows = np.concatenate([streams.pins, streams.registers], axis=1)
@@ -300,7 +300,7 @@ class Simulation:
         """`nodes.Probe` of a recorded segment."""
         device, tables = self.config.device(), self.params.plant.tables
         warm_degc = float(np.atleast_1d(temp_degc)[0])
-        warm = thermal.at_temperature(device, warm_degc)
+        warm = thermal.device_at_temperature(device, warm_degc)
         tick_s = float(tables.tick_s[0])
         cycles = self.state.plant.cycles
         instants = [
@@ -313,7 +313,7 @@ class Simulation:
             floats = floats.copy()
             for channel, name in enumerate(("cv_x", "cv_y")):
                 column = floats[:, clocked.PROBE_FLOATS.index(name)]
-                column[:] = ring_saturation.sampled(self.params.plant.ring, warm_degc, channel, column)
+                column[:] = ring_saturation.sampled_output(self.params.plant.ring, warm_degc, channel, column)
         return nodes.Probe(
             streams.probe_ints,
             floats,
@@ -351,28 +351,30 @@ class Simulation:
         values["tick"] = self.state.tick
         values["drdy_cycle"] = self.state.drdy_cycle
         values["rise_k"] = self.rise_k
-        for name, item in _kept(self.state.plant):
+        for name, item in _plant_fields(self.state.plant):
             if hasattr(item, "_fields"):
                 values |= {f"plant.{name}.{k}": np.copy(v) for k, v in item._asdict().items()}
             else:
                 values[f"plant.{name}"] = np.copy(item)
         return values | (self.foreign.state() if self.foreign else {})
 
-    def layout(self, left_out=()):
+    def layout(self, excluded=()):
         """Text that names the registers and arrays of a state, but for those `left_out`."""
-        arrays = [f"{name}{np.shape(v)}" for part, item in _kept(self.state.plant) for name, v in _leaves(part, item)]
-        held = [name for name in flatten.names(self.state.fpga) if name not in left_out]
-        text = " ".join(held + flatten.names(self.state.chips) + arrays)
+        arrays = [
+            f"{name}{np.shape(v)}" for part, item in _plant_fields(self.state.plant) for name, v in _leaves(part, item)
+        ]
+        register_names = [name for name in flatten.names(self.state.fpga) if name not in excluded]
+        text = " ".join(register_names + flatten.names(self.state.chips) + arrays)
         return f"{STATE_FORMAT} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
     def layouts(self):
         """Layouts of the states that can be continued, this version's first."""
         return self.layout(), self.layout(ADDED)
 
-    def _check_same_gyroscope(self, path, meta):
+    def _check_gyroscope(self, path, meta):
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
         saved = parse_toml(str(meta.get("config_toml", "")), f"{path}: config_toml", FileError)
-        saved = checked({key: saved.get(key, {}) for key in SAME}, dict[str, dict], path)
+        saved = validate_data({key: saved.get(key, {}) for key in SAME}, dict[str, dict], path)
         # what an earlier version did not have is at its default
         saved = from_dict(saved, f"{path}: config_toml")
         for section in SAME:
@@ -390,8 +392,8 @@ class Simulation:
         saved = parse_json(meta.get("identity", "{}"), path)
         other = identity.check(path, saved, self.identity, self.config.scenario.across_versions)
         values = self._with_added(values)
-        state_file.check_like(path, values, self.state_values())
-        self._check_same_gyroscope(path, meta)
+        state_file.check_shapes(path, values, self.state_values())
+        self._check_gyroscope(path, meta)
         formats = flatten.leaves(fixed.formats(fpga.State, self.design, self.state.fpga))
         for (name, fmt), value in zip(formats, values["fpga"].tolist(), strict=True):
             if not fmt.holds(value):
@@ -415,7 +417,7 @@ class Simulation:
             raise ConfigError(f"state: lacks {missing[0]}; state_values() gives a whole one")
         values = self._with_added(values)
         plant = {}
-        for name, item in _kept(self.state.plant):
+        for name, item in _plant_fields(self.state.plant):
             if hasattr(item, "_fields"):
                 plant[name] = type(item)(**{k: np.array(values[f"plant.{name}.{k}"]) for k in item._fields})
             else:
@@ -458,7 +460,7 @@ class Simulation:
         self.now = (np.array([values["rate_rad_s"]]), np.array([values["temp_degc"]]))
 
 
-def _window(window):
+def _parse_window(window):
     """(first tick, ticks) as integers, or None."""
     if window is None:
         return None
@@ -475,7 +477,7 @@ def _lengthened(values, need):
     return np.concatenate([values, np.full(need - len(values), values[-1])], dtype=float)
 
 
-def _kept(plant):
+def _plant_fields(plant):
     """(name, array or record) of the plant's state, without its scratch."""
     return [(name, item) for name, item in plant._asdict().items() if name != SCRATCH]
 

@@ -18,8 +18,8 @@ from testbench.engines import chips, engine
 from testbench.judge import phases
 from testbench.run import budget, build, nodes
 from testbench.run.outputs import Result
+from testbench.run.run_statistics import amplitude_m
 from testbench.run.tables import FITTED
-from testbench.run.tally import amplitude_m
 from testbench.storage.vcd import Signal, signals
 
 
@@ -35,12 +35,12 @@ class End(NamedTuple):
 
 def result(job, end, reading, wall_s):
     """`Result` of a `simulate.Run` that is done; `reading` is its diagnosis or None."""
-    config, sim, tally = job.config, job.sim, job.tally
+    config, sim, tally = job.config, job.sim, job.statistics
     clock_hz, device = build.clock_hz(config), config.device()
     planned = budget.budget(config, frequency_hz=None if reading is None else reading.nodes.frequency_hz)
     lock_s = None if config.scenario.resume else job.start_up.lock_s
-    warm = thermal.at_temperature(device, tally.temp_degc)
-    found = None if reading is None else reading.nodes
+    warm = thermal.device_at_temperature(device, tally.temp_degc)
+    node_phases = None if reading is None else reading.nodes
     summary = {
         "locked": end.locked,
         "lock_time_s": lock_s,
@@ -49,24 +49,24 @@ def result(job, end, reading, wall_s):
             warm.fx_hz, warm.qx, planned.node_deg()["xe1"], planned.loop_deg()["xe2"]
         ),
         "amplitude_m": tally.amplitude_m,
-        "phase_deg": None if found is None else found.phase_deg,
-        "phase_sigma_deg": None if found is None else found.sigma_deg,
-        "counter_deg": None if found is None else found.counter_deg,
-        "counter_resolution_deg": None if found is None else found.counter_resolution_deg,
-        "uneven_deg": None if found is None else found.uneven_deg,
-        "derived_deg": None if found is None else _derived(config, found, tally.temp_degc, 1 / clock_hz),
+        "phase_deg": None if node_phases is None else node_phases.phase_deg,
+        "phase_sigma_deg": None if node_phases is None else node_phases.sigma_deg,
+        "counter_deg": None if node_phases is None else node_phases.counter_deg,
+        "counter_resolution_deg": None if node_phases is None else node_phases.counter_resolution_deg,
+        "uneven_deg": None if node_phases is None else node_phases.uneven_deg,
+        "derived_deg": None if node_phases is None else _derived(config, node_phases, tally.temp_degc, 1 / clock_hz),
         "budget_deg": planned.node_deg(),
-        "loop_phase_deg": None if found is None else _loop_phases(found.phase_deg, planned),
+        "loop_phase_deg": None if node_phases is None else _loop_phases(node_phases.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
         "paper_deg": dict(planned.paper_deg),
-        "paper_verdict": None if found is None else _verdicts(config, found),
+        "paper_verdict": None if node_phases is None else _verdicts(config, node_phases),
         "amplifier_use": [u._asdict() for u in planned.amplifiers],
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
         "quadrature_v": tally.mean("quadrature_code") * device.quad_dac_span_v / 2**16,
         "flags": [name for k, name in enumerate(fault_monitor.NAMES) if tally.flags >> k & 1],
         "warnings": [
-            *job.doubts.warnings(config),
+            *job.anomaly_detector.warnings(config),
             *build.no_rate_output(config),
             *amplifier_use.warnings(planned.amplifiers),
         ],
@@ -86,27 +86,31 @@ def result(job, end, reading, wall_s):
         (*notes(config, summary, planned), *(sim.foreign.notes() if sim.foreign else ())),
         job.recording,
         _plots(job, end.tail, summary, reading, clock_hz),
-        _window(sim),
+        _register_window(sim),
         end.state,
     )
 
 
-def _derived(config, found, temp_degc, clock_s):
+def _derived(config, node_phases, temp_degc, clock_s):
     """Terms (deg) of the readings of xe2 and ye2 that are no property of the board: the mode's frequency, the tick."""
     base, added = config.device(), {}
-    warm, tick_s = thermal.at_temperature(base, temp_degc), clock_s * config.design_record().tick_clocks
+    warm, tick_s = thermal.device_at_temperature(base, temp_degc), clock_s * config.design_record().tick_clocks
     for node, name in (("xe2", "drive"), ("ye2", "sense")):
-        forced, k_vf = found.forced[node], getattr(warm, f"k_vf_{name}_n_per_v")
+        forced, k_vf = node_phases.forced[node], getattr(warm, f"k_vf_{name}_n_per_v")
         force = pickoff.Force(forced.volts_per_m * k_vf / warm.mass_kg, forced.poles_s, forced.instant_s)
         poles_s = budget.pickoff_poles_s(base, name, temp_degc)
-        tick_deg = pickoff.lag_deg(poles_s, found.frequency_hz, tick_s, force)
-        added[node] = {"frequency": found.off_deg[node], "tick": tick_deg}
+        tick_deg = pickoff.lag_deg(poles_s, node_phases.frequency_hz, tick_s, force)
+        added[node] = {"frequency": node_phases.off_deg[node], "tick": tick_deg}
     return added
 
 
-def _verdicts(config, found):
+def _verdicts(config, node_phases):
     """{node: verdict of the judge}; None for each node of another board."""
-    return phases.verdicts(found.phase_deg, found.sigma_deg) if config.of_paper else dict.fromkeys(phases.NODES)
+    return (
+        phases.verdicts(node_phases.phase_deg, node_phases.sigma_deg)
+        if config.is_paper_board
+        else dict.fromkeys(phases.NODES)
+    )
 
 
 def _loop_phases(readings, planned):
@@ -116,43 +120,43 @@ def _loop_phases(readings, planned):
 
 def notes(config, summary, planned):
     """Sentences: what is assumed, and what remains unexplained."""
-    said = []
+    sentences = []
     if not summary["locked"]:
-        said.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
-        said += _out_of_reach(config)
+        sentences.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
+        sentences += _out_of_reach(config)
     if summary.get("window_missing"):
-        said.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
+        sentences.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
     if summary.get("flags"):
-        said.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
-    said += [f"Warning: {text}" for text in summary.get("warnings", ())]
-    said += [planned.ring, amplifier_use.sentence(planned.amplifiers)]
+        sentences.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
+    sentences += [f"Warning: {text}" for text in summary.get("warnings", ())]
+    sentences += [planned.ring, amplifier_use.sentence(planned.amplifiers)]
     design = config.design_record()
-    origin = "Fitted to the paper, no fact" if config.of_paper else "As configured"
+    origin = "Fitted to the paper, no fact" if config.is_paper_board else "As configured"
     if config.firmware.reference_retimed:
-        said.append(
+        sentences.append(
             f"{origin}: the references leave on the {1e-6 * design.tick_hz:g} MHz grid "
             f"(firmware.reference_retimed), which takes {(design.tick_clocks + 1) / 2:g} clocks off xe1 and ye1."
         )
     if count := config.firmware.frame_latency_sense:
         frames = f"one extra {1e6 / design.tick_hz:g} us frame" if count == 1 else f"{count} extra frames"
-        said.append(f"{origin}: {frames} in the sense path (firmware.frame_latency_sense).")
+        sentences.append(f"{origin}: {frames} in the sense path (firmware.frame_latency_sense).")
     measured = summary["phase_deg"]
-    beside = summary.get("paper_verdict") if config.of_paper else None
-    if beside:
+    paper_verdict = summary.get("paper_verdict") if config.is_paper_board else None
+    if paper_verdict:
         gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
-        said += phases.sentences(beside)
-        said.append("Less the paper's: " + ", ".join(f"{k} {ns:+.0f} ns" for k, ns in gap.items()) + ".")
-        said.append(f"{FITTED} See docs/phases.md.")
-    if beside and config.firmware == Firmware() and config.plant == Plant():
-        said.append(
+        sentences += phases.sentences(paper_verdict)
+        sentences.append("Less the paper's: " + ", ".join(f"{k} {ns:+.0f} ns" for k, ns in gap.items()) + ".")
+        sentences.append(f"{FITTED} See docs/phases.md.")
+    if paper_verdict and config.firmware == Firmware() and config.plant == Plant():
+        sentences.append(
             "Most of the difference is in ye1. Two alternatives: part of the DAC's 130 ns is inside its output poles, "
             "or a pole near 170 kHz is there instead of the frame. Their drift with temperature differs."
         )
-        said.append(
+        sentences.append(
             "Two measurements cannot separate ring diode, noise gains and switch delay in xe2 and ye2. The loop phases "
             "printed above are less the assumed 80 ns of the analog switch."
         )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _out_of_reach(config):
@@ -182,7 +186,7 @@ def _plots(job, tail, summary, reading, clock_hz):
     }
     # the baseband engine knows no codes of single ticks
     if tail.shape[1]:
-        board = chips.of(config.design)
+        board = chips.design_chips(config.design)
         bits = {"drive": board.drive.bits, "sense": board.sense.bits}
         outputs = {f"{name} ({n} bit)": (codes, n) for (name, n), codes in zip(bits.items(), tail)}
         plots["spectra"] = {"outputs": outputs, "rate_hz": config.design_record().tick_hz}
@@ -202,7 +206,7 @@ def _plots(job, tail, summary, reading, clock_hz):
     return plots
 
 
-def _window(sim):
+def _register_window(sim):
     """Register window for the waveform writer."""
     if sim.rows is None:
         return None
@@ -211,5 +215,5 @@ def _window(sim):
         for name in engine.PIN_COLUMNS
     ]
     formats = [fmt for _, fmt in flatten.leaves(fixed.formats(fpga.State, sim.design, sim.state.fpga))]
-    listed, d = pins + signals(flatten.names(sim.state.fpga), formats), sim.design
-    return sim.rows, listed, sim.window[0] * d.tick_clocks, d.master_hz
+    window_signals, d = pins + signals(flatten.names(sim.state.fpga), formats), sim.design
+    return sim.rows, window_signals, sim.window[0] * d.tick_clocks, d.master_hz

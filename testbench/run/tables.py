@@ -5,7 +5,7 @@ Source  docs/phases.md
 """
 
 from analog_frontend import amplifier_use
-from testbench.console.table import Table, fixed
+from testbench.console.table import Table, fixed_digits
 from testbench.judge import phases as judged
 from testbench.run.budget import NODES
 from testbench.run.phase_meter import wrap_deg
@@ -33,18 +33,18 @@ def phases(summary):
         row = (
             node,
             NODE_TEXT[node],
-            fixed(have, 4),
-            fixed(spread.get(node), 4),
-            fixed(want, 4),
-            fixed(None if have is None or want is None else wrap_deg(have - want), 4),
-            fixed(paper, 4),
-            fixed(None if have is None or paper is None else have - paper, 4),
+            fixed_digits(have, 4),
+            fixed_digits(spread.get(node), 4),
+            fixed_digits(want, 4),
+            fixed_digits(None if have is None or want is None else wrap_deg(have - want), 4),
+            fixed_digits(paper, 4),
+            fixed_digits(None if have is None or paper is None else have - paper, 4),
         )
         rows.append(row)
     heads = ("phase", "from .. to", "measured deg", "1 sigma", "budget deg", "difference", "paper deg", "difference")
-    shown = len(heads) if any(v is not None for v in published.values()) else len(heads) - 2
-    rows = [row[:shown] for row in rows]
-    return Table("Phase errors (lags, positive)", heads[:shown], rows, numeric=tuple(range(2, shown)))
+    column_count = len(heads) if any(v is not None for v in published.values()) else len(heads) - 2
+    rows = [row[:column_count] for row in rows]
+    return Table("Phase errors (lags, positive)", heads[:column_count], rows, numeric=tuple(range(2, column_count)))
 
 
 # Key of the summary -> (text, unit, digits, factor).
@@ -63,9 +63,9 @@ def numbers(summary):
     rows = [("all loops locked", "yes" if summary.get("locked") else "NO", "")]
     for key, (text, unit, digits, factor) in NUMBERS.items():
         value = summary.get(key)
-        rows.append((text, fixed(None if value is None else value * factor, digits), unit))
+        rows.append((text, fixed_digits(None if value is None else value * factor, digits), unit))
     for node, value in (summary.get("loop_phase_deg") or {}).items():
-        rows.append((f"loop phase {node}' (node phase less the switch delay)", fixed(value, 4), "deg"))
+        rows.append((f"loop phase {node}' (node phase less the switch delay)", fixed_digits(value, 4), "deg"))
     if summary.get("codes_sha256"):
         kind, _, digest = summary["codes_sha256"].rpartition(":")
         what = "hash of all ADC codes and words" if kind else "hash of all DAC and ADC codes"
@@ -75,35 +75,37 @@ def numbers(summary):
 
 def budget_node(budget, node, plain_deg=None):
     """What contributes to one phase; `plain_deg` is its value without the assumptions about the paper's firmware."""
-    listed = [(row, "") for row in budget.rows[node]]
-    listed.append((None, f"node phase {node}"))
+    entries = [(row, "") for row in budget.rows[node]]
+    entries.append((None, f"node phase {node}"))
     if node in budget.loop_rows:
-        listed += [(row, "") for row in budget.loop_rows[node]]
-        listed.append((None, f"loop phase {node}'"))
+        entries += [(row, "") for row in budget.loop_rows[node]]
+        entries.append((None, f"loop phase {node}'"))
     rows, total = [], [0.0, 0.0, 0.0]
-    for row, text in listed:
+    for row, text in entries:
         if row is None:
-            rows.append((text, fixed(total[0], 2), fixed(total[1], 2), fixed(total[2], 4), ""))
+            rows.append((text, fixed_digits(total[0], 2), fixed_digits(total[1], 2), fixed_digits(total[2], 4), ""))
             continue
         total = [total[0] + row.clocks, total[1] + row.ns, total[2] + row.degrees]
-        rows.append((row.what, fixed(row.clocks, 2), fixed(row.ns, 2), fixed(row.degrees, 4), row.assumed))
+        rows.append(
+            (row.what, fixed_digits(row.clocks, 2), fixed_digits(row.ns, 2), fixed_digits(row.degrees, 4), row.assumed)
+        )
     if plain_deg is not None:
-        rows.append(("without re-timed references and extra frames", "", "", fixed(plain_deg, 4), ""))
+        rows.append(("without re-timed references and extra frames", "", "", fixed_digits(plain_deg, 4), ""))
     paper = budget.paper_deg[node]
-    beside = None if paper is None else judged.verdicts(budget.node_deg())[node]
-    if beside:
-        rows.append(("the paper measured (node phase)", "", "", fixed(paper, 4), beside["verdict"]))
-    sums = tuple(k for k, (row, _) in enumerate(listed) if row is None)
+    paper_verdict = None if paper is None else judged.verdicts(budget.node_deg())[node]
+    if paper_verdict:
+        rows.append(("the paper measured (node phase)", "", "", fixed_digits(paper, 4), paper_verdict["verdict"]))
+    sums = tuple(k for k, (row, _) in enumerate(entries) if row is None)
     title = f"{node}  {NODE_TEXT[node]}, at {budget.frequency_hz:.1f} Hz"
     note = "Entries with a text on the right are assumptions, not facts about the board."
-    if beside:
+    if paper_verdict:
         note = (
             "Entries with a text on the right are fitted or assumed, not facts about the paper's board. "
-            f"{beside['basis']}. Rests on the fitted values {', '.join(beside['rests_on'])}. {FITTED}"
+            f"{paper_verdict['basis']}. Rests on the fitted values {', '.join(paper_verdict['rests_on'])}. {FITTED}"
         )
     if node == "xe2":
-        said = (amplifier_use.sentence(budget.amplifiers), *amplifier_use.warnings(budget.amplifiers))
-        note = " ".join((note, budget.ring, *said))
+        amplifier_notes = (amplifier_use.sentence(budget.amplifiers), *amplifier_use.warnings(budget.amplifiers))
+        note = " ".join((note, budget.ring, *amplifier_notes))
     return Table(title, ("contribution", "clocks", "ns", "deg", "fitted or assumed"), rows, note, (1, 2, 3), sums)
 
 

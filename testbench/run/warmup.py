@@ -80,7 +80,7 @@ def compile_frame():
     edges = np.zeros((clocked.MAX_EDGES, 2), np.int64)
     _compile_plant(params, s, edges)
     chunk = clocked.Chunk(0, np.zeros(1), np.zeros(1), 0, 0, 0, clocked.Faults(), clocked.streams(), edges)
-    frame.blocks(params, s.fpga, s.chips, s.plant, chunk, 0, 0, -1, pins.buffers())
+    frame.run_blocks(params, s.fpga, s.chips, s.plant, chunk, 0, 0, -1, pins.buffers())
     _advanced(frame.run)
 
 
@@ -116,7 +116,7 @@ def _turn():
     """A lock that one process of a user holds; `shared_files.Held`, which says whose it is, if another one has it."""
     try:
         return shared_files.try_lock(cache_root() / "standby.lock")
-    except shared_files.Held as held:
+    except shared_files.LockedError as held:
         return held
 
 
@@ -131,13 +131,13 @@ class Standby:
 
     def __call__(self, *chunk):
         if self.child.poll() is None:
-            if not isinstance(held := _turn(), shared_files.Held):
+            if not isinstance(lock_error := _turn(), shared_files.LockedError):
                 return clocked.run(*chunk)
             try:
                 self.child.wait(shared_files.PATIENCE_S)
             except subprocess.TimeoutExpired:
                 waits = f"waits for process {self.child.pid}, which compiles the frame engine"
-                print(f"gyro: {waits}; {held.strerror} runs meanwhile", file=sys.stderr, flush=True)
+                print(f"gyro: {waits}; {lock_error.strerror} runs meanwhile", file=sys.stderr, flush=True)
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self.child.wait(TIMEOUT_S)
         from testbench.engines import frame
@@ -149,7 +149,7 @@ def frame_run():
     """`run` of the frame engine, or what stands in for it while it is compiled."""
     from testbench.engines import frame
 
-    return Standby() if _possible() and not is_cached(frame.blocks) else frame.run
+    return Standby() if _possible() and not is_cached(frame.run_blocks) else frame.run
 
 
 def wait():
@@ -165,7 +165,7 @@ def warm_up(*others):
     """
     from testbench.engines import frame
 
-    if not _possible() or (is_cached(frame.blocks) and not others):
+    if not _possible() or (is_cached(frame.run_blocks) and not others):
         return
     children = [_child(part) for part in ("frame", "clocked", *others)]
     try:

@@ -23,8 +23,8 @@ from fpga_model import shared_files
 from testbench.arguments import name_of_file
 from testbench.errors import FileError
 from testbench.storage import spool
-from testbench.storage.files import explain, make_own_folder, write_bytes, write_text
-from testbench.storage.inputs import opened
+from testbench.storage.files import explain, make_private_folder, write_bytes, write_text
+from testbench.storage.inputs import open_input
 
 FOLDER = "run.partial"
 FORMAT = "run-1"
@@ -56,16 +56,16 @@ class Partial:
         if self._lock is not None:
             return
         try:
-            make_own_folder(self.folder)
+            make_private_folder(self.folder)
             self._lock = shared_files.try_lock(self.folder / "lock")
         except FileNotFoundError:  # removed by a run that has just ended
             self.hold()
-        except shared_files.Held as other:
+        except shared_files.LockedError as other:
             raise FileError(f"{self.folder.parent}: another run is at work in this folder: {other.strerror}") from None
         except OSError as problem:
             raise explain(self.folder, problem) from None
 
-    def begin(self, config_toml):
+    def begin_run(self, config_toml):
         """Start anew; FileError if an unfinished run lies here."""
         self.hold()
         self.refuse_unfinished()
@@ -103,8 +103,8 @@ class Partial:
         self.check()
         values, meta = load_state(self.checkpoint, *(f"{FORMAT} {layout}" for layout in layouts))
         parts = {}
-        for place, value in values.items():
-            part, _, name = place.partition(".")
+        for key, value in values.items():
+            part, _, name = key.partition(".")
             parts.setdefault(part, {})[name] = value
         return parts, meta
 
@@ -124,7 +124,7 @@ class Partial:
         """The registers that `keep_window` kept, by their SHA-256; None if it kept none ("")."""
         if not digest:
             return None
-        with opened(self.window) as file:  # a window of 10 ms is larger than what users may hand over
+        with open_input(self.window) as file:  # a window of 10 ms is larger than what users may hand over
             data = file.read()
         if hashlib.sha256(data).hexdigest() != digest:
             raise FileError(f"{self.window}: is not what was written; start the run again with --discard")

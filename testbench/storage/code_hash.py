@@ -56,7 +56,7 @@ class CodeHash:
             self._feed(drive[:take], sense[:take], words[:rows])
             drive, sense, words, tick, ticks = drive[take:], sense[take:], words[rows:], tick + take, ticks - take
             if tick % BLOCK_TICKS == 0:
-                self._chain, self._words = self._digest(), self._digest_of_words()
+                self._chain, self._words = self._chain_digest(), self._digest_of_words()
                 self._begin_block()
 
     def _feed(self, *columns):
@@ -65,7 +65,7 @@ class CodeHash:
             digest.update(piece.data)
         self._open.append(pieces)
 
-    def _digest(self):
+    def _chain_digest(self):
         return hashlib.sha256(self._chain + b"".join(d.digest() for d in self._digests)).digest()
 
     def _digest_of_words(self):
@@ -73,7 +73,7 @@ class CodeHash:
 
     def hexdigest(self):
         """Hash of everything so far."""
-        return self._digest().hex()
+        return self._chain_digest().hex()
 
     def has_words(self, blocks):
         """True if these are all the rows of words that were added, in arrays of any length."""

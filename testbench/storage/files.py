@@ -28,7 +28,7 @@ from pathlib import Path
 
 from fpga_model import shared_files
 from testbench.errors import FileError
-from testbench.interrupts import held
+from testbench.interrupts import defer_interrupts
 
 PATIENCE_S = 0.5  # `shared_files.is_locked` has a lock for a moment
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
@@ -48,14 +48,14 @@ def explain(path, problem):
 
 
 @contextlib.contextmanager
-def alone(path, refusal):
+def hold_lock(path, refusal):
     """Hold the lock at `path`; FileError `REFUSAL: OWNER` if another process has it."""
     until = time.monotonic() + PATIENCE_S
     while True:
         try:
             file = shared_files.try_lock(path)
             break
-        except shared_files.Held as other:
+        except shared_files.LockedError as other:
             if time.monotonic() > until:
                 raise FileError(f"{refusal}: {other.strerror}") from None
         except OSError as problem:
@@ -71,18 +71,18 @@ def refuse_foreign_links(path):
         raise FileError(f"{path}: leads through {link}, a link of another user; name a folder of your own")
 
 
-def make_own_folder(path):
+def make_private_folder(path):
     """Make a folder that nobody else can write; FileError if a link or another user's folder has its name."""
     refuse_foreign_links(path.parent)
     path.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.suppress(FileExistsError):
         path.mkdir(mode=0o700)
-    found = path.lstat()
-    if not stat.S_ISDIR(found.st_mode):
+    status = path.lstat()
+    if not stat.S_ISDIR(status.st_mode):
         raise FileError(f"{path}: is no folder; remove it")
-    if found.st_uid != os.geteuid():
-        raise FileError(f"{path}: belongs to another user (uid {found.st_uid}); name a folder of your own")
-    if found.st_mode & 0o077:
+    if status.st_uid != os.geteuid():
+        raise FileError(f"{path}: belongs to another user (uid {status.st_uid}); name a folder of your own")
+    if status.st_mode & 0o077:
         path.chmod(0o700)
 
 
@@ -97,30 +97,30 @@ class Staging:
     """
 
     def __init__(self, path):
-        shown, path = path, Path(os.path.abspath(path))
+        display_path, path = path, Path(os.path.abspath(path))
         if path.is_char_device() or path.is_block_device():
-            raise FileError(f"{shown}: is a device; it is not replaced")
+            raise FileError(f"{display_path}: is a device; it is not replaced")
         if path.is_symlink() and path.is_dir():
             refuse_foreign_links(path)
             path = path.resolve()
         self.path, self._folder = path, path.with_name(path.name + ".part")
         self.new, self.replaced = self._folder / "new", self._folder / "replaced"
         try:
-            self._lock = self._locked(shown)
+            self._lock = self._acquire_lock(display_path)
             self._clear()
         except OSError as problem:
-            raise explain(shown, problem) from None
+            raise explain(display_path, problem) from None
 
-    def _locked(self, shown):
+    def _acquire_lock(self, display_path):
         while True:
             with contextlib.suppress(FileNotFoundError):
                 if not stat.S_ISDIR(self._folder.lstat().st_mode):  # a link, or what version 0.1.0 left
                     self._folder.unlink()
-            make_own_folder(self._folder)
+            make_private_folder(self._folder)
             try:
                 return shared_files.try_lock(self._folder / "lock")
-            except shared_files.Held as other:
-                raise FileError(f"{shown}: another process writes it: {other.strerror}") from None
+            except shared_files.LockedError as other:
+                raise FileError(f"{display_path}: another process writes it: {other.strerror}") from None
             except FileNotFoundError:  # removed by a process that has just ended
                 continue
 
@@ -166,7 +166,7 @@ def publish(*stagings):
         renames += [new, path]
     if len(renames) > 2:
         command = [sys.executable, "-I", "-S", "-c", RENAME, *map(os.fspath, renames)]
-        with held(), contextlib.suppress(OSError):
+        with defer_interrupts(), contextlib.suppress(OSError):
             if subprocess.Popen(command, start_new_session=True, **QUIET).wait() == 0:
                 return
     # one file alone, and what is left by a process that was killed itself
@@ -190,7 +190,7 @@ def _exchange(new, path):
 
 
 @contextlib.contextmanager
-def together():
+def atomic_outputs():
     """Files and folders that are written in the block take their places at its end, all of them or none."""
     if _set.get() is not None:
         yield
@@ -254,15 +254,15 @@ def replacing_folder(path, mark=None, keep=False):
 def _carry(old, new):
     """Link what is only in the old folder into the new one."""
     for item in old.iterdir():
-        place = new / item.name
+        target = new / item.name
         if item.is_dir() and not item.is_symlink():
-            place.mkdir(exist_ok=True)
-            _carry(item, place)
-        elif not os.path.lexists(place):
+            target.mkdir(exist_ok=True)
+            _carry(item, target)
+        elif not os.path.lexists(target):
             try:
-                os.link(item, place, follow_symlinks=False)
+                os.link(item, target, follow_symlinks=False)
             except OSError:  # a file system without links
-                shutil.copy2(item, place, follow_symlinks=False)
+                shutil.copy2(item, target, follow_symlinks=False)
 
 
 def write_bytes(path, data):
@@ -295,21 +295,21 @@ def seal_holds(path):
     """True if the file is as it was sealed, False if it was damaged since, None if there is no seal."""
     digest = hashlib.sha256()
     with open(path, "rb") as file:
-        left = os.fstat(file.fileno()).st_size - SEAL_BYTES
-        if left < 0:
+        remaining_bytes = os.fstat(file.fileno()).st_size - SEAL_BYTES
+        if remaining_bytes < 0:
             return None
-        file.seek(left)
-        found = file.read()
-        if not found.startswith(SEAL[:-3]) or not found.endswith(b"\n"):
+        file.seek(remaining_bytes)
+        seal_line = file.read()
+        if not seal_line.startswith(SEAL[:-3]) or not seal_line.endswith(b"\n"):
             return None
         file.seek(0)
-        while left:
-            block = file.read(min(left, 1 << 20))
+        while remaining_bytes:
+            block = file.read(min(remaining_bytes, 1 << 20))
             if not block:
                 return False
             digest.update(block)
-            left -= len(block)
-    return found == SEAL % digest.hexdigest().encode()
+            remaining_bytes -= len(block)
+    return seal_line == SEAL % digest.hexdigest().encode()
 
 
 class GuardedFile(io.RawIOBase):

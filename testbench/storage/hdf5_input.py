@@ -16,7 +16,7 @@ from pathlib import Path
 import h5py
 
 from testbench.errors import FileError
-from testbench.storage import inputs, trial
+from testbench.storage import inputs, sandboxed_read
 from testbench.storage.files import seal_holds
 from testbench.storage.record import RecordError
 
@@ -28,7 +28,7 @@ MOST_DEPTH = 16
 BLOCK_BYTES = 1 << 24  # of a dataset that is read in pieces
 
 
-def looks_like_hdf5(path):
+def is_hdf5(path):
     """True if the file begins as HDF5 does."""
     return inputs.head(path, len(SIGNATURE)) == SIGNATURE
 
@@ -36,13 +36,13 @@ def looks_like_hdf5(path):
 def open_hdf5(path):
     """Checked `h5py.File`, to be closed by the caller; RecordError (R01, R15) if it is not to be read."""
     path = Path(path)
-    with inputs.opened(path):
+    with inputs.open_input(path):
         sealed = seal_holds(path)
     if sealed is False:
         raise RecordError(path, ["R15 / expected the file that was written, found damage"])
-    if sealed is None and looks_like_hdf5(path):
+    if sealed is None and is_hdf5(path):
         try:
-            trial.tried("testbench.storage.hdf5_input", path, "HDF5 file")
+            sandboxed_read.read_in_subprocess("testbench.storage.hdf5_input", path, "HDF5 file")
         except FileError as problem:
             raise RecordError(path, [str(problem).removeprefix(f"{path}: ")]) from None
     return _opened(path, path, path.stat().st_size)
@@ -64,66 +64,66 @@ def _opened(source, path, packed):
             for _, more in _sizes(path, file, packed):
                 size += more
                 if size > inputs.most_expansion(packed):
-                    raise _refused(path, f"{size} bytes unpacked (GYRO_INPUT_MB)")
+                    raise _hdf5_error(path, f"{size} bytes unpacked (GYRO_INPUT_MB)")
     except BaseException:
         file.close()
         raise
     return file
 
 
-def _refused(path, found):
-    return RecordError(path, [f"R01 / expected a plain HDF5 file, found {found}"])
+def _hdf5_error(path, content):
+    return RecordError(path, [f"R01 / expected a plain HDF5 file, found {content}"])
 
 
 def _sizes(path, file, packed):
     """Yield (object, bytes that it unpacks to) of everything in the file, each checked first."""
-    found, waiting = 0, [("", file)]
+    object_count, waiting = 0, [("", file)]
     while waiting:
-        place, item = waiting.pop()
-        found += 1 + len(item.attrs)
-        if found > MOST_OBJECTS:
-            raise _refused(path, f"more than {MOST_OBJECTS} groups, datasets and attributes")
+        location, item = waiting.pop()
+        object_count += 1 + len(item.attrs)
+        if object_count > MOST_OBJECTS:
+            raise _hdf5_error(path, f"more than {MOST_OBJECTS} groups, datasets and attributes")
         yield item, sum(_attribute_bytes(item, name) for name in item.attrs)
         if isinstance(item, h5py.Dataset):
-            yield item, _dataset_bytes(path, place, item, packed)
+            yield item, _dataset_bytes(path, location, item, packed)
         elif isinstance(item, h5py.Group):
-            if place.count("/") >= MOST_DEPTH:
-                raise _refused(path, f"{place} deeper than {MOST_DEPTH} levels")
+            if location.count("/") >= MOST_DEPTH:
+                raise _hdf5_error(path, f"{location} deeper than {MOST_DEPTH} levels")
             for name in item:
                 if not isinstance(item.get(name, getlink=True), h5py.HardLink):
-                    raise _refused(path, f"{place}/{name}, a soft or external link")
-                waiting.append((f"{place}/{name}", item[name]))
+                    raise _hdf5_error(path, f"{location}/{name}, a soft or external link")
+                waiting.append((f"{location}/{name}", item[name]))
 
 
-def _bytes_of(shape, dtype):
+def _unpacked_bytes(shape, dtype):
     return math.prod(shape or ()) * dtype.itemsize
 
 
 def _attribute_bytes(item, name):
     attribute = h5py.h5a.open(item.id, name.encode())
-    return _bytes_of(attribute.shape, attribute.dtype)
+    return _unpacked_bytes(attribute.shape, attribute.dtype)
 
 
-def _dataset_bytes(path, place, dataset, packed):
+def _dataset_bytes(path, location, dataset, packed):
     """Bytes of a dataset, or of one chunk where that is more; RecordError if it is not of the kinds that are read."""
-    made = dataset.id.get_create_plist()
-    if made.get_layout() not in LAYOUTS or made.get_external_count():
-        raise _refused(path, f"{place} outside of the file: external storage or a virtual dataset")
-    for k in range(made.get_nfilters()):
-        code = made.get_filter(k)[0]
+    creation = dataset.id.get_create_plist()
+    if creation.get_layout() not in LAYOUTS or creation.get_external_count():
+        raise _hdf5_error(path, f"{location} outside of the file: external storage or a virtual dataset")
+    for k in range(creation.get_nfilters()):
+        code = creation.get_filter(k)[0]
         if code not in FILTERS:
-            raise _refused(path, f"filter {code} of {place}, none of {', '.join(FILTERS.values())}")
-    size = max(_bytes_of(dataset.shape, dataset.dtype), _bytes_of(dataset.chunks or (0,), dataset.dtype))
+            raise _hdf5_error(path, f"filter {code} of {location}, none of {', '.join(FILTERS.values())}")
+    size = max(_unpacked_bytes(dataset.shape, dataset.dtype), _unpacked_bytes(dataset.chunks or (0,), dataset.dtype))
     if size <= inputs.most_expansion(packed) and dataset.ndim == 1 and h5py.check_string_dtype(dataset.dtype):
         # many elements may share one long text; each may be as long as the file
-        for block in _blocks(dataset, max(64, BLOCK_BYTES // packed)):
+        for block in _row_blocks(dataset, max(64, BLOCK_BYTES // packed)):
             size += sum(map(len, block.tolist()))
             if size > inputs.most_expansion(packed):
                 break
     return size
 
 
-def _blocks(dataset, rows):
+def _row_blocks(dataset, rows):
     for first in range(0, len(dataset), rows):
         yield dataset[first : first + rows]
 
@@ -134,9 +134,9 @@ def _read_all(path):
         for item, _ in _sizes(path, file, path.stat().st_size):
             list(item.attrs.values())
             if isinstance(item, h5py.Dataset) and item.shape:
-                for _ in _blocks(item, max(1, BLOCK_BYTES // max(1, _bytes_of(item.shape[1:], item.dtype)))):
+                for _ in _row_blocks(item, max(1, BLOCK_BYTES // max(1, _unpacked_bytes(item.shape[1:], item.dtype)))):
                     pass
 
 
 if __name__ == "__main__":
-    trial.main(_read_all)
+    sandboxed_read.main(_read_all)

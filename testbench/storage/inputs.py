@@ -36,16 +36,16 @@ def most_bytes():
     if not text:
         return MOST_BYTES
     try:
-        wanted = float(text) * 1e6
+        limit_bytes = float(text) * 1e6
     except ValueError:
-        wanted = -1.0
-    if not 1e6 <= wanted <= 1e15:
+        limit_bytes = -1.0
+    if not 1e6 <= limit_bytes <= 1e15:
         raise ConfigError(f"GYRO_INPUT_MB: {text!r} is outside 1 .. 1e9 MB")
-    return int(wanted)
+    return int(limit_bytes)
 
 
 @contextlib.contextmanager
-def opened(path, limit=None, error=FileError):
+def open_input(path, limit=None, error=FileError):
     """Binary file object of a regular file.
 
     limit  largest size (bytes); None: any size, for readers that take pieces
@@ -56,13 +56,13 @@ def opened(path, limit=None, error=FileError):
         handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     except (OSError, ValueError) as problem:
         raise error(f"{path}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from None
-    found = os.fstat(handle)
-    if not stat.S_ISREG(found.st_mode):
+    status = os.fstat(handle)
+    if not stat.S_ISREG(status.st_mode):
         os.close(handle)
         raise error(f"{path}: is no regular file")
     with open(handle, "rb") as file:
-        if limit is not None and found.st_size > limit:
-            raise error(f"{path}: {found.st_size} bytes are more than the limit of {limit} (GYRO_INPUT_MB)")
+        if limit is not None and status.st_size > limit:
+            raise error(f"{path}: {status.st_size} bytes are more than the limit of {limit} (GYRO_INPUT_MB)")
         try:
             yield file
         except OSError as problem:
@@ -71,7 +71,7 @@ def opened(path, limit=None, error=FileError):
 
 def read_bytes(path, limit=None, error=FileError):
     """Contents of a regular file of at most `limit` bytes (None: `most_bytes`)."""
-    with opened(path, most_bytes() if limit is None else limit, error) as file:
+    with open_input(path, most_bytes() if limit is None else limit, error) as file:
         return file.read()
 
 
@@ -86,13 +86,13 @@ def read_text(path, limit=None, encoding="utf-8", error=FileError):
 
 def head(path, count):
     """The first bytes of a regular file, at most `count`."""
-    with opened(path) as file:
+    with open_input(path) as file:
         return file.read(count)
 
 
-def sha256_of(path):
+def file_sha256(path):
     """SHA-256 of a regular file, hexadecimal."""
-    with opened(path) as file:
+    with open_input(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -111,7 +111,7 @@ def read_lines(path, encoding="utf-8", errors="strict"):
 
 
 @contextlib.contextmanager
-def parsing(place, what, error=FileError):
+def parsing(source, what, error=FileError):
     """What a library raises about damaged input becomes one line: PLACE: is no WHAT that can be read: REASON.
 
     Only calls of libraries belong inside: an error of our own would be taken for damage.
@@ -122,7 +122,7 @@ def parsing(place, what, error=FileError):
         raise
     except (Exception, RecursionError, MemoryError) as problem:
         reason = str(problem) or type(problem).__name__
-        raise error(f"{place}: is no {what} that can be read: {reason[:200]}") from None
+        raise error(f"{source}: is no {what} that can be read: {reason[:200]}") from None
 
 
 def most_expansion(packed):
@@ -130,11 +130,11 @@ def most_expansion(packed):
     return max(most_bytes(), MOST_EXPANSION * packed)
 
 
-def expansion(place, expanded, packed):
+def expansion(source, expanded, packed):
     """FileError if `packed` bytes would become `expanded` bytes beyond what is allowed."""
     limit = most_expansion(packed)
     if expanded > limit:
-        raise FileError(f"{place}: {expanded} bytes unpacked are more than the limit of {limit} (GYRO_INPUT_MB)")
+        raise FileError(f"{source}: {expanded} bytes unpacked are more than the limit of {limit} (GYRO_INPUT_MB)")
 
 
 @functools.cache
@@ -144,7 +144,7 @@ def _adapter(kind):
     return TypeAdapter(kind)
 
 
-def checked(data, kind, place, error=FileError):
+def validate_data(data, kind, source, error=FileError):
     """A value of the type `kind` (anything that pydantic takes) from plain data; the first mismatch is the error."""
     from pydantic import ValidationError
 
@@ -153,16 +153,16 @@ def checked(data, kind, place, error=FileError):
     except ValidationError as problem:
         first = problem.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "content"
-        raise error(f"{place}: {key}: {first['msg']}") from None
+        raise error(f"{source}: {key}: {first['msg']}") from None
     except RecursionError:
-        raise error(f"{place}: is nested too deep") from None
+        raise error(f"{source}: is nested too deep") from None
 
 
-def parse_json(text, place, kind=dict, error=FileError):
+def parse_json(text, source, kind=dict, error=FileError):
     """JSON text (or bytes) as a value of the type `kind`."""
-    with parsing(place, "JSON", error):
+    with parsing(source, "JSON", error):
         data = json.loads(text)
-    return checked(data, kind, place, error)
+    return validate_data(data, kind, source, error)
 
 
 def read_json(path, kind=dict, limit=MOST_TEXT_BYTES, error=FileError):
@@ -170,12 +170,12 @@ def read_json(path, kind=dict, limit=MOST_TEXT_BYTES, error=FileError):
     return parse_json(read_text(path, limit, error=error), path, kind, error)
 
 
-def parse_toml(text, place, error=ConfigError):
+def parse_toml(text, source, error=ConfigError):
     """TOML text as a dictionary."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
-        raise error(f"{place}: is not TOML: {str(problem)[:200]}") from None
+        raise error(f"{source}: is not TOML: {str(problem)[:200]}") from None
 
 
 def read_toml(path, limit=MOST_TEXT_BYTES, error=ConfigError):

@@ -29,7 +29,7 @@ import h5py
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.interrupts import held
+from testbench.interrupts import defer_interrupts
 from testbench.storage.files import GuardedFile, Staging, explain, seal
 from testbench.version import VERSION
 
@@ -103,7 +103,7 @@ class Record:
         return write_record(path, self)
 
 
-def known_unit(unit):
+def is_valid_unit(unit):
     """True for a unit of the table, or a power-of-two share of one, such as "10 V/2^23"."""
     scaled = SCALED_UNIT.fullmatch(unit) if isinstance(unit, str) else None
     return unit in UNITS or (scaled is not None and scaled[1] in UNITS)
@@ -123,7 +123,7 @@ def versions():
     }
 
 
-def digest_of(array):
+def column_digest(array):
     """SHA-256 of a column: little-endian bytes in row order, or the UTF-8 texts with their lengths."""
     digest = hashlib.sha256()
     _update(digest, array)
@@ -151,7 +151,7 @@ def described(column, digest, rows):
     """What the content hash says about a stream, apart from its values."""
     dtype = column.data.dtype
     return {
-        **{key: plain(value) for key, value in column.attrs.items()},
+        **{key: plain_attribute(value) for key, value in column.attrs.items()},
         "unit": column.unit,
         "fs_num": int(column.num),
         "fs_den": int(column.den),
@@ -162,7 +162,7 @@ def described(column, digest, rows):
     }
 
 
-def plain(value):
+def plain_attribute(value):
     """An attribute as a plain Python value; only texts and numbers are allowed."""
     value = value.item() if isinstance(value, np.generic) else value
     if isinstance(value, bytes):
@@ -174,7 +174,7 @@ def plain(value):
     return value
 
 
-def clock_of(hz, findings):
+def nominal_clock_hz(hz, findings):
     """Nominal frequency (Hz) of a record's master clock; a finding, and that of the default design, for none."""
     if math.isfinite(hz) and hz >= 1 and hz == int(hz):
         return int(hz)
@@ -184,9 +184,9 @@ def clock_of(hz, findings):
 
 def axis_name(num, den, edge0, clock_hz=CLOCK_HZ):
     """Name of the dimension of a rate: time_8k, time_1M, or the ratio."""
-    hz, left = divmod(clock_hz * num, den)
+    hz, remainder = divmod(clock_hz * num, den)
     for unit, suffix in ((10**6, "M"), (10**3, "k"), (1, "")):
-        if not left and hz % unit == 0:
+        if not remainder and hz % unit == 0:
             name = f"time_{hz // unit}{suffix}"
             break
     else:
@@ -194,7 +194,7 @@ def axis_name(num, den, edge0, clock_hz=CLOCK_HZ):
     return name if edge0 == 0 else f"{name}_from_{edge0}"
 
 
-def _edges(num, den, edge0, first, rows):
+def _row_edges(num, den, edge0, first, rows):
     """Clock edges of rows first .. first + rows - 1, rounded down where the ratio is not whole."""
     return edge0 + (np.arange(first, first + rows, dtype=np.int64) * den) // num
 
@@ -222,7 +222,12 @@ class RecordWriter:
         self.path = Path(path)
         self._clock_hz = clock_hz
         self._record_id, self._created_utc = record_id, created_utc
-        self._head = (config_toml, provenance, float(clock_ppm), {k: plain(v) for k, v in (attrs or {}).items()})
+        self._head = (
+            config_toml,
+            provenance,
+            float(clock_ppm),
+            {k: plain_attribute(v) for k, v in (attrs or {}).items()},
+        )
         self._streams = {}
         self._digests = {}
         self._axes = {}
@@ -239,9 +244,9 @@ class RecordWriter:
     def __enter__(self):
         return self
 
-    @held()  # the HDF5 library calls Python to write, and knows no exceptions
+    @defer_interrupts()  # the HDF5 library calls Python to write, and knows no exceptions
     def __exit__(self, kind, value, traceback):
-        done = False
+        finished = False
         try:
             if kind is None:
                 self._finish()
@@ -251,19 +256,19 @@ class RecordWriter:
             if kind is None:
                 seal(self._staging.new)
                 self._staging.finish()
-                done = True
+                finished = True
         except OSError as problem:
             raise explain(self.path, self._guard.problem or problem) from None
         finally:
             if self._file:
                 self._file.close()
             self._guard.close()
-            if not done:
+            if not finished:
                 self._staging.close()
 
     def stream(self, name, unit, dtype, num=1, den=1, edge0=0, *, compress=True, **attrs):
         """Declare a stream: numbers of `unit`, num / den rows per clock edge, row 0 at edge `edge0`."""
-        if not known_unit(unit):
+        if not is_valid_unit(unit):
             raise ValueError(f"stream {name}: unit {unit!r} is not in the table of units")
         if name in self._streams or num < 1 or den < 1:
             raise ValueError(f"stream {name}: declared twice, or rate {num}/{den} is not a ratio of positive integers")
@@ -273,7 +278,7 @@ class RecordWriter:
         empty = np.empty(0, np.dtype(dtype))
         if empty.dtype.kind not in KINDS:
             raise ValueError(f"stream {name}: {empty.dtype} is not a number type")
-        column = Column(empty, unit, num, den, edge0, {key: plain(value) for key, value in attrs.items()})
+        column = Column(empty, unit, num, den, edge0, {key: plain_attribute(value) for key, value in attrs.items()})
         dataset = self._growing(f"streams/{name}", empty.dtype, compress)
         for key, value in {**column.attrs, "unit": unit, "units": unit}.items():
             dataset.attrs[key] = value
@@ -281,7 +286,7 @@ class RecordWriter:
         self._streams[name] = column
         self._digests[name] = hashlib.sha256()
 
-    @held()
+    @defer_interrupts()
     def append(self, **blocks):
         """Add rows to declared streams."""
         for name, block in blocks.items():
@@ -291,7 +296,7 @@ class RecordWriter:
         """Write a small table: column -> (unit, values); text columns have unit ""."""
         columns = {key: TableColumn(_table_array(values), unit) for key, (unit, values) in columns.items()}
         for key, column in columns.items():
-            if column.unit != "" and not known_unit(column.unit):
+            if column.unit != "" and not is_valid_unit(column.unit):
                 raise ValueError(f"table {name}: unit {column.unit!r} of {key} is not in the table of units")
         self._rows(name, columns)
         self._tables[name] = columns
@@ -331,7 +336,7 @@ class RecordWriter:
             raise explain(self.path, self._guard.problem)
 
     def _finish(self):
-        listed = {f"/streams/{name}": digest.hexdigest() for name, digest in self._digests.items()}
+        digests = {f"/streams/{name}": digest.hexdigest() for name, digest in self._digests.items()}
         for axis, (num, den, edge0) in self._axes.items():
             names = [name for name, c in self._streams.items() if (c.num, c.den, c.edge0) == (num, den, edge0)]
             rows = {len(self._file[f"streams/{name}"]) for name in names}
@@ -342,8 +347,8 @@ class RecordWriter:
             total = rows.pop()
             for first in range(0, total, CHUNK_BYTES):
                 count = min(CHUNK_BYTES, total - first)
-                self._extend(scale.name, _edges(num, den, edge0, first, count), digest)
-            listed[scale.name] = digest.hexdigest()
+                self._extend(scale.name, _row_edges(num, den, edge0, first, count), digest)
+            digests[scale.name] = digest.hexdigest()
             scale.attrs["unit"], scale.attrs["units"] = "edge", "s"
             scale.attrs["scale_factor"] = 1.0 / self._clock_hz
             scale.attrs["long_name"] = "time from power-on"
@@ -351,9 +356,9 @@ class RecordWriter:
             for name in names:
                 self._file[f"streams/{name}"].dims[0].attach_scale(scale)
         for name, columns in self._tables.items():
-            listed |= {f"/{name}/{key}": digest_of(column.data) for key, column in columns.items()}
+            digests |= {f"/{name}/{key}": column_digest(column.data) for key, column in columns.items()}
         self._head_attrs()
-        texts = {"path": sorted(listed), "sha256": [listed[path] for path in sorted(listed)]}
+        texts = {"path": sorted(digests), "sha256": [digests[path] for path in sorted(digests)]}
         self._rows("integrity", {key: TableColumn(np.array(values, str), "") for key, values in texts.items()})
 
     def _head_attrs(self):
@@ -388,7 +393,7 @@ def _table_array(values):
 
 def described_tables(tables):
     return {
-        f"{name}/{key}": {"unit": column.unit, "rows": len(column.data), "sha256": digest_of(column.data)}
+        f"{name}/{key}": {"unit": column.unit, "rows": len(column.data), "sha256": column_digest(column.data)}
         for name, columns in tables.items()
         for key, column in columns.items()
     }

@@ -21,13 +21,13 @@ from testbench.storage.record import (
     RecordError,
     TableColumn,
     axis_name,
-    clock_of,
+    column_digest,
     content_digest,
     described,
     described_tables,
-    digest_of,
-    known_unit,
-    plain,
+    is_valid_unit,
+    nominal_clock_hz,
+    plain_attribute,
 )
 
 HIDDEN = {"units", "DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "_Netcdf4Coordinates"}
@@ -50,9 +50,9 @@ def read_record(path):
     return record
 
 
-def text_of(value):
+def text_attribute(value):
     """A text attribute; ValueError if it is a number."""
-    value = plain(value)
+    value = plain_attribute(value)
     if not isinstance(value, str):
         raise ValueError(f"expected a text, found {value}")
     return value
@@ -63,35 +63,35 @@ def _read(file, findings):
     if schema != SCHEMA:
         findings.append(f"R01 / expected schema {SCHEMA}, found {schema}")
         return None
-    for place, key in (
+    for location, key in (
         *(("/", key) for key in ("provenance", "config_toml", "versions", "attributes", "content_sha256")),
         *(("clock", key) for key in ("f_xtal_nominal_Hz", "ppm")),
         *(("integrity", key) for key in ("path", "sha256")),
     ):
-        if place not in file or key not in (file[place] if place == "integrity" else file[place].attrs):
-            findings.append(f"R02 {place} expected {key}, found nothing")
+        if location not in file or key not in (file[location] if location == "integrity" else file[location].attrs):
+            findings.append(f"R02 {location} expected {key}, found nothing")
     if findings:
         return None
-    listed = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
+    digests = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
     record = Record(
-        config_toml=text_of(file.attrs["config_toml"]),
-        provenance=text_of(file.attrs["provenance"]),
+        config_toml=text_attribute(file.attrs["config_toml"]),
+        provenance=text_attribute(file.attrs["provenance"]),
         clock_ppm=float(file["clock"].attrs["ppm"]),
         attrs=parse_json(file.attrs["attributes"], "attributes", dict[str, Value]),
         versions=parse_json(file.attrs["versions"], "versions", dict[str, str]),
-        content_sha256=text_of(file.attrs["content_sha256"]),
+        content_sha256=text_attribute(file.attrs["content_sha256"]),
     )
-    record.clock_hz = clock_of(float(file["clock"].attrs["f_xtal_nominal_Hz"]), findings)
-    found = []
-    file.visititems(lambda name, item: found.append(f"/{name}") if isinstance(item, h5py.Dataset) else None)
-    for place in found:
-        if not place.startswith("/integrity/"):
-            _read_column(file, place, record, listed, findings)
-    for place in sorted(set(listed) - set(found)):
-        findings.append(f"R02 {place} expected a column, found nothing")
+    record.clock_hz = nominal_clock_hz(float(file["clock"].attrs["f_xtal_nominal_Hz"]), findings)
+    column_paths = []
+    file.visititems(lambda name, item: column_paths.append(f"/{name}") if isinstance(item, h5py.Dataset) else None)
+    for location in column_paths:
+        if not location.startswith("/integrity/"):
+            _read_column(file, location, record, digests, findings)
+    for location in sorted(set(digests) - set(column_paths)):
+        findings.append(f"R02 {location} expected a column, found nothing")
     if not findings:
         streams = {
-            name: described(column, listed[f"/streams/{name}"], len(column.data))
+            name: described(column, digests[f"/streams/{name}"], len(column.data))
             for name, column in record.streams.items()
         }
         content = content_digest(
@@ -108,44 +108,46 @@ def _read(file, findings):
     return record
 
 
-def _read_column(file, place, record, listed, findings):
-    dataset = file[place]
-    group, _, name = place[1:].rpartition("/")
+def _read_column(file, location, record, digests, findings):
+    dataset = file[location]
+    group, _, name = location[1:].rpartition("/")
     is_axis = group == "streams" and dataset.is_scale
     if name == "row" and group != "streams":
         return
     text = h5py.check_string_dtype(dataset.dtype) is not None
     allowed = group != "streams" if text else dataset.dtype.kind in KINDS
     if not allowed or dataset.ndim != 1:
-        findings.append(f"R04 {place} expected a column of numbers, found {dataset.dtype} of {dataset.ndim} dimensions")
+        findings.append(
+            f"R04 {location} expected a column of numbers, found {dataset.dtype} of {dataset.ndim} dimensions"
+        )
         return
     if not text and dataset.dtype.byteorder == ">":
-        findings.append(f"R20 {place} expected little-endian numbers, found {dataset.dtype}")
+        findings.append(f"R20 {location} expected little-endian numbers, found {dataset.dtype}")
         return
     unit = dataset.attrs.get("unit")
-    if not known_unit(unit) and not (unit == "" and group != "streams"):
-        findings.append(f"R03 {place} expected a unit, found {unit!r}")
+    if not is_valid_unit(unit) and not (unit == "" and group != "streams"):
+        findings.append(f"R03 {location} expected a unit, found {unit!r}")
         return
     data = np.array(dataset.asstr()[:].tolist(), str) if text else dataset[:]
-    digest = digest_of(data)
-    if listed.get(place) != digest:
-        findings.append(f"R15 {place} expected sha256 {listed.get(place, 'none')}, found {digest}")
+    digest = column_digest(data)
+    if digests.get(location) != digest:
+        findings.append(f"R15 {location} expected sha256 {digests.get(location, 'none')}, found {digest}")
     elif is_axis:
         return
     elif group != "streams":
         record.tables.setdefault(group, {})[name] = TableColumn(data, unit)
     else:
-        attrs = {key: plain(dataset.attrs[key]) for key in dataset.attrs if key not in HIDDEN}
+        attrs = {key: plain_attribute(dataset.attrs[key]) for key in dataset.attrs if key not in HIDDEN}
         missing = [key for key in STREAM_KEYS if key not in attrs]
         num, den, edge0 = (attrs.get(key) for key in STREAM_KEYS[1:])
         if missing or not all(isinstance(value, int) for value in (num, den, edge0)) or num < 1 or den < 1:
             findings.append(
-                f"R08 {place} expected {', '.join(STREAM_KEYS[1:])}: a ratio of the clock, found {num}/{den}"
+                f"R08 {location} expected {', '.join(STREAM_KEYS[1:])}: a ratio of the clock, found {num}/{den}"
             )
             return
         axis = f"streams/{axis_name(num, den, edge0, record.clock_hz)}"
         if axis not in file or len(file[axis]) != len(data):
-            findings.append(f"R05 {place} expected {axis} of {len(data)} rows, found another length")
+            findings.append(f"R05 {location} expected {axis} of {len(data)} rows, found another length")
             return
-        own = {key: value for key, value in attrs.items() if key not in STREAM_KEYS}
-        record.streams[name] = Column(data, unit, num, den, edge0, own, record.clock_hz)
+        column_attrs = {key: value for key, value in attrs.items() if key not in STREAM_KEYS}
+        record.streams[name] = Column(data, unit, num, den, edge0, column_attrs, record.clock_hz)

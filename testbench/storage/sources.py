@@ -34,15 +34,15 @@ def _module(path):
 @functools.cache
 def reached(*modules):
     """Sorted dotted names of all modules of ours that these reach, themselves included."""
-    seen, ahead = {}, [".".join(m.split(".")[:n]) for m in modules for n in range(1, m.count(".") + 2)]
+    module_paths, ahead = {}, [".".join(m.split(".")[:n]) for m in modules for n in range(1, m.count(".") + 2)]
     while ahead:
         module = ahead.pop()
-        if module in seen or (path := _path(module)) is None:
+        if module in module_paths or (path := _path(module)) is None:
             continue
-        seen[module] = path
-        found = [*kernel_cache.imported(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
-        ahead.extend(_module(source) for source in found)
-    return tuple(sorted(seen))
+        module_paths[module] = path
+        imports = [*kernel_cache.imported(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
+        ahead.extend(_module(source) for source in imports)
+    return tuple(sorted(module_paths))
 
 
 @functools.cache

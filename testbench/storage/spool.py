@@ -59,7 +59,7 @@ class Field(NamedTuple):
 
 def _register_fields(design):
     for k, (name, lsb, fmt) in enumerate(engine.FRAME_COLUMNS):
-        lsb, fmt = lsb.format(**design._asdict()), fmt.at(design)
+        lsb, fmt = lsb.format(**design._asdict()), fmt.for_design(design)
         unit = "code" if "code" in name or name.startswith("adc") else "word"
         narrow = fmt.lo >= -(1 << 31) and fmt.hi < 1 << 31
         dtype = np.dtype("<i4" if narrow else "<i8")
@@ -75,13 +75,13 @@ HASHED = tuple(name for name, _, _ in engine.FRAME_COLUMNS[:WORDS])  # what the 
 FIELDS = {field.name: field for field in (*_register_fields(DEFAULT), *_truth_fields())}
 
 
-def chosen(names, decimate, design=DEFAULT, lsb=None):
+def select_fields(names, decimate, design=DEFAULT, lsb=None):
     """{name in the record: Field} of `[output] columns` (none: all) with rows of `decimate` frames.
 
     lsb  {name: text} of columns whose LSB depends on the board
     """
-    known = {field.name: field for field in (*_register_fields(design), *_truth_fields())}
-    fields = [known[name] for name in FIELDS if not names or name in names]
+    fields_by_name = {field.name: field for field in (*_register_fields(design), *_truth_fields())}
+    fields = [fields_by_name[name] for name in FIELDS if not names or name in names]
     fields = [f._replace(attrs=f.attrs | {"lsb": lsb[f.name]}) if f.name in (lsb or {}) else f for f in fields]
     if decimate == 1:
         return {field.name: field for field in fields}
@@ -117,7 +117,7 @@ class Spool:
     """
 
     def __init__(self, columns=(), decimate=1, path=None, rows=None, design=DEFAULT, lsb=None):
-        self.fields = chosen(columns, decimate, design, lsb)
+        self.fields = select_fields(columns, decimate, design, lsb)
         self.frame_clocks, self.clock_hz = design.frame_clocks, design.master_hz
         self.dtype = np.dtype([(name, field.dtype) for name, field in self.fields.items()])
         self.decimate = decimate
@@ -131,9 +131,9 @@ class Spool:
             return
         try:
             with open(path, "wb" if rows is None else "r+b") as file:
-                size, found = (rows or 0) * self.dtype.itemsize, os.fstat(file.fileno()).st_size
-                if found < size:
-                    raise FileError(f"{path}: holds {found} bytes, its checkpoint speaks of {size}")
+                size, file_bytes = (rows or 0) * self.dtype.itemsize, os.fstat(file.fileno()).st_size
+                if file_bytes < size:
+                    raise FileError(f"{path}: holds {file_bytes} bytes, its checkpoint speaks of {size}")
                 file.truncate(size)
         except OSError as problem:
             raise explain(path, problem) from None
@@ -171,9 +171,9 @@ class Spool:
         try:
             with open(self.path, "r+b", buffering=0) as file:
                 file.seek(0, os.SEEK_END)
-                left = memoryview(rows).cast("B") if len(rows) else b""
-                while left:
-                    left = left[file.write(left) :]
+                unwritten = memoryview(rows).cast("B") if len(rows) else b""
+                while unwritten:
+                    unwritten = unwritten[file.write(unwritten) :]
         except OSError as problem:
             raise explain(self.path, problem) from None
 
@@ -189,31 +189,33 @@ class Spool:
 
     def _read(self):
         """(rows, SHA-256) of every block in the file."""
-        with inputs.opened(self.path) as file:
+        with inputs.open_input(self.path) as file:
             while block := file.read(READ_ROWS * self.dtype.itemsize):
                 yield np.frombuffer(block, self.dtype), hashlib.sha256(block).digest()
 
-    def _compare(self, k, found, kept):
+    def _check_block(self, k, digest, saved_digest):
         """FileError if block k is another than the one that was written."""
-        if found != kept:
+        if digest != saved_digest:
             raise FileError(
                 f"{self.path}: rows {k * READ_ROWS} .. {min((k + 1) * READ_ROWS, self.rows) - 1} are not those that "
                 "were written: another program changed the file; start the run again with --discard"
             )
 
-    def blocks(self):
+    def row_blocks(self):
         """Rows from the first one on, in arrays of READ_ROWS; the last one may be shorter."""
         self.flush()
         if self.path is None:
             rows = np.concatenate([np.empty(0, self.dtype), *self._memory])
             yield from (rows[k : k + READ_ROWS] for k in range(0, len(rows), READ_ROWS))
             return
-        found, wanted = os.path.getsize(self.path), self.rows * self.dtype.itemsize
-        if found != wanted:
-            raise FileError(f"{self.path}: holds {found} bytes, {wanted} were written: another run in this folder?")
-        kept = [*self._digests, self._open.digest()]
+        file_bytes, written_bytes = os.path.getsize(self.path), self.rows * self.dtype.itemsize
+        if file_bytes != written_bytes:
+            raise FileError(
+                f"{self.path}: holds {file_bytes} bytes, {written_bytes} were written: another run in this folder?"
+            )
+        digests = [*self._digests, self._open.digest()]
         for k, (rows, digest) in enumerate(self._read()):
-            self._compare(k, digest, kept[k])
+            self._check_block(k, digest, digests[k])
             yield rows
 
     # ---- checkpoints -------------------------------------------------------------------------------------------------
@@ -229,16 +231,16 @@ class Spool:
                 raise explain(self.path, problem) from None
         frames, truth = self._held[0] if self._held else (np.zeros((0, 1), np.int64), np.zeros((0, 1)))
         digests = b"".join([*self._digests, self._open.digest()])
-        kept = {"rows": self.rows, "first_frame": self.first_frame, "frames": frames, "truth": truth}
-        return kept | {"sha256": np.frombuffer(digests, np.uint8)}
+        values = {"rows": self.rows, "first_frame": self.first_frame, "frames": frames, "truth": truth}
+        return values | {"sha256": np.frombuffer(digests, np.uint8)}
 
     def restore(self, values):
         """Continue where `dump` was, in a file that was opened with its `rows`; FileError if they are others."""
         self.rows, self.first_frame = values["rows"], values["first_frame"]
         if self.path is not None:
-            kept = values.get("sha256", np.zeros(0, np.uint8)).tobytes()  # version 0.1.0 kept none
+            saved_digests = values.get("sha256", np.zeros(0, np.uint8)).tobytes()  # version 0.1.0 kept none
             for k, (rows, digest) in enumerate(self._read()):
-                self._compare(k, digest, kept[32 * k : 32 * k + 32] if kept else digest)
+                self._check_block(k, digest, saved_digests[32 * k : 32 * k + 32] if saved_digests else digest)
                 self._hash(rows)
         if len(values["frames"]):
             self._held, self._held_rows = [(values["frames"], values["truth"])], len(values["frames"])
@@ -261,7 +263,7 @@ class Recording:
     @property
     def streams(self):
         """{name: record.Column}, all in memory: for runs of seconds."""
-        blocks = list(self.spool.blocks())
+        blocks = list(self.spool.row_blocks())
         rows = np.concatenate(blocks) if blocks else np.zeros(0, self.spool.dtype)
         return {
             name: Column(np.ascontiguousarray(rows[name]), field.unit, *self._rate(), field.attrs, self.spool.clock_hz)
@@ -278,12 +280,12 @@ class Recording:
 
     def _append(self, writer, progress):
         """Write all rows, and yield them block by block."""
-        done = 0
-        for rows in self.spool.blocks():
+        written_rows = 0
+        for rows in self.spool.row_blocks():
             writer.append(**{name: rows[name] for name in self.spool.fields})
-            done += len(rows)
+            written_rows += len(rows)
             if progress:
-                progress("record", done, self.spool.rows)
+                progress("record", written_rows, self.spool.rows)
             yield rows
 
     def _check_codes(self, path, blocks):

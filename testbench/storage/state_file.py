@@ -10,17 +10,17 @@ import h5py
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.interrupts import held
+from testbench.interrupts import defer_interrupts
 from testbench.storage.files import GuardedFile, replacing, seal
 from testbench.storage.hdf5_input import open_hdf5
 from testbench.storage.inputs import parse_json
-from testbench.storage.record import KINDS, RecordError, digest_of, plain, versions
-from testbench.storage.record_read import DAMAGED, Value, text_of
+from testbench.storage.record import KINDS, RecordError, column_digest, plain_attribute, versions
+from testbench.storage.record_read import DAMAGED, Value, text_attribute
 
 STATE_SCHEMA = "gyrostate/1.0"
 
 
-@held()
+@defer_interrupts()
 def save_state(path, values, source_format, meta=None):
     """Save a simulation's state, whole or not at all.
 
@@ -32,7 +32,7 @@ def save_state(path, values, source_format, meta=None):
     for name, array in arrays.items():
         if array.dtype.kind not in KINDS or "/" in name:
             raise ValueError(f"state {name}: {array.dtype} is not a number type, or the name holds a slash")
-    meta = {key: plain(value) for key, value in (meta or {}).items()}
+    meta = {key: plain_attribute(value) for key, value in (meta or {}).items()}
     with replacing(path) as part:
         guard = GuardedFile(part)
         with guard:
@@ -56,9 +56,9 @@ def load_state(path, *layouts):
     with open_hdf5(path) as file:
         try:
             if file.attrs.get("schema") != STATE_SCHEMA:
-                found = file.attrs.get("schema", "nothing")
-                raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {found}"])
-            saved = text_of(file.attrs["source_format"])
+                schema = file.attrs.get("schema", "nothing")
+                raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {schema}"])
+            saved = text_attribute(file.attrs["source_format"])
             if saved not in layouts:
                 finding = f"R11 / expected state layout {layouts[0]}, found {saved}: saved by another version"
                 raise RecordError(path, [finding])
@@ -66,7 +66,7 @@ def load_state(path, *layouts):
             arrays = {name: dataset[()] for name, dataset in file["state"].items()}
             scalars = {name for name, dataset in file["state"].items() if dataset.attrs["scalar"]}
             digest = _state_digest({k: np.asarray(v) for k, v in arrays.items()}, saved, meta)
-            if digest != text_of(file.attrs["content_sha256"]):
+            if digest != text_attribute(file.attrs["content_sha256"]):
                 raise RecordError(path, ["R15 /state expected another content_sha256: the file is damaged"])
             values = {name: array.item() if name in scalars else array for name, array in arrays.items()}
         except RecordError:
@@ -77,19 +77,19 @@ def load_state(path, *layouts):
     return values, meta
 
 
-def check_like(path, values, like):
+def check_shapes(path, values, template):
     """RecordError unless every value has the type and shape of its namesake."""
-    if set(values) != set(like):
-        strange = min(set(values) ^ set(like))
+    if set(values) != set(template):
+        strange = min(set(values) ^ set(template))
         raise RecordError(path, [f"R02 /state/{strange} expected the values of this layout, found more or fewer"])
-    for name, wanted in like.items():
-        have, want = np.asarray(values[name]), np.asarray(wanted)
+    for name, template_value in template.items():
+        have, want = np.asarray(values[name]), np.asarray(template_value)
         if (have.shape, have.dtype.kind) != (want.shape, want.dtype.kind):
-            found = f"expected {want.dtype} {want.shape}, found {have.dtype} {have.shape}"
-            raise RecordError(path, [f"R04 /state/{name} {found}"])
+            mismatch = f"expected {want.dtype} {want.shape}, found {have.dtype} {have.shape}"
+            raise RecordError(path, [f"R04 /state/{name} {mismatch}"])
 
 
 def _state_digest(arrays, source_format, meta):
-    columns = {k: [a.dtype.kind, a.dtype.itemsize, list(a.shape), digest_of(a)] for k, a in arrays.items()}
+    columns = {k: [a.dtype.kind, a.dtype.itemsize, list(a.shape), column_digest(a)] for k, a in arrays.items()}
     text = json.dumps([STATE_SCHEMA, source_format, meta, columns], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

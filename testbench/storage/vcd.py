@@ -80,10 +80,10 @@ def _header(tree, ids, comment):
     return "\n".join(lines) + "\n"
 
 
-def _tree(listed, top):
+def _tree(signal_list, top):
     """Nested dict of scopes; a name that is also a scope raises."""
     tree = {}
-    for signal in listed:
+    for signal in signal_list:
         *scopes, leaf = [top, *signal.name.split(".")]
         node = tree
         for scope in scopes:
@@ -96,7 +96,7 @@ def _tree(listed, top):
     return tree
 
 
-def _lines_of(values, width, identifier, known=None):
+def _vcd_lines(values, width, identifier, valid=None):
     """Byte matrix, one line of equal length per value: `0!` for one bit, `b0101 !` for more; x where not known."""
     tail = np.frombuffer((identifier if width == 1 else " " + identifier).encode() + b"\n", np.uint8)
     head = 0 if width == 1 else 1
@@ -105,8 +105,8 @@ def _lines_of(values, width, identifier, known=None):
         lines[:, 0] = ord("b")
     shifts = np.arange(width - 1, -1, -1, dtype=np.int64)
     lines[:, head : head + width] = ((values[:, None] >> shifts) & 1) + ord("0")
-    if known is not None:
-        lines[~known, head : head + width] = ord("x")
+    if valid is not None:
+        lines[~valid, head : head + width] = ord("x")
     lines[:, head + width :] = tail
     return lines
 
@@ -138,10 +138,10 @@ def _layout(groups, row_count):
     return out.tobytes()
 
 
-def _check(rows, listed):
-    if rows.ndim != 2 or rows.dtype != np.int64 or rows.shape[1] != len(listed) or not len(rows):
-        raise ValueError(f"window: expected int64 rows of {len(listed)} columns, got {rows.dtype} {rows.shape}")
-    for k, signal in enumerate(listed):
+def _check(rows, signal_list):
+    if rows.ndim != 2 or rows.dtype != np.int64 or rows.shape[1] != len(signal_list) or not len(rows):
+        raise ValueError(f"window: expected int64 rows of {len(signal_list)} columns, got {rows.dtype} {rows.shape}")
+    for k, signal in enumerate(signal_list):
         if not 1 <= signal.width <= 64:
             raise ValueError(f"signal {signal.name}: width {signal.width} is outside 1..64 bits")
         if signal.width < 64:
@@ -154,7 +154,7 @@ def _check(rows, listed):
                 )
 
 
-def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz, known=None):
+def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz, valid=None):
     """Write a window as VCD.
 
     rows        int64, one row per clock edge, one column per signal
@@ -167,13 +167,13 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz
     known       bool, of the shape of `rows`: where a value is none, its bits are x; None: all are known
     """
     rows = np.asarray(rows)
-    known = np.ones(rows.shape, bool) if known is None else known
+    valid = np.ones(rows.shape, bool) if valid is None else valid
     edges = np.arange(len(rows)) if edges is None else np.asarray(edges, np.int64)
-    listed = list(listed)
-    _check(rows, listed)
+    signal_list = list(signal_list)
+    _check(rows, signal_list)
     clock = Signal(CLOCK_NAME, 1)
-    tree = _tree([clock, *listed], top)
-    ids = {signal.name: _identifier(k) for k, signal in enumerate([clock, *listed])}
+    tree = _tree([clock, *signal_list], top)
+    ids = {signal.name: _identifier(k) for k, signal in enumerate([clock, *signal_list])}
     comment = (
         f"Time 0 is one clock before edge {first_edge}; edge n is at (n + 1 - {first_edge}) / {clock_hz / 1e6:.9g} MHz."
     )
@@ -181,7 +181,7 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz
         file.write(_header(tree, ids, comment).encode())
         before = None, None
         for begin in range(0, len(rows), BLOCK_ROWS):
-            block, sure = rows[begin : begin + BLOCK_ROWS], known[begin : begin + BLOCK_ROWS]
+            block, sure = rows[begin : begin + BLOCK_ROWS], valid[begin : begin + BLOCK_ROWS]
             count = len(block)
             index = edges[begin : begin + count]
             every = np.arange(count)
@@ -190,11 +190,11 @@ def write_vcd(path, rows, listed, first_edge=0, top="gyro", edges=None, clock_hz
             if begin:
                 changed[0] = (block[0] != before[0]) | (sure[0] != before[1])
             before = block[-1].copy(), sure[-1].copy()
-            rise, fall = (_lines_of(np.full(count, level), 1, ids[CLOCK_NAME]) for level in (1, 0))
+            rise, fall = (_vcd_lines(np.full(count, level), 1, ids[CLOCK_NAME]) for level in (1, 0))
             groups = [*_stamps(picoseconds(index, clock_hz)), (every, rise)]
-            for k, signal in enumerate(listed):
+            for k, signal in enumerate(signal_list):
                 at = np.flatnonzero(changed[:, k])
-                groups.append((at, _lines_of(block[at, k], signal.width, ids[signal.name], sure[at, k])))
+                groups.append((at, _vcd_lines(block[at, k], signal.width, ids[signal.name], sure[at, k])))
             groups += [*_stamps(_half_after(index, clock_hz)), (every, fall)]
             file.write(_layout(groups, count))
         file.write(f"#{int(picoseconds(edges[-1] + 1, clock_hz))}\n1{ids[CLOCK_NAME]}\n".encode())
@@ -208,15 +208,15 @@ GTKW_SHOWN_PS = 4_000_000  # in 1000 pixels at first sight: four DAC frames
 WIDE_BITS = 33  # words wider than this are read in hexadecimal
 
 
-def _group_of(name):
+def _signal_group(name):
     """Group of a signal: everything before its last dot."""
     return name.rpartition(".")[0] or "top"
 
 
-def _grouped(listed):
+def _signals_by_group(signal_list):
     groups = {}
-    for signal in listed:
-        groups.setdefault(_group_of(signal.name), []).append(signal)
+    for signal in signal_list:
+        groups.setdefault(_signal_group(signal.name), []).append(signal)
     return groups
 
 
@@ -228,13 +228,13 @@ def _gtkw_flags(signal, analog):
     return (GTKW_SIGNED if signal.signed else GTKW_UNSIGNED) | (GTKW_ANALOG if analog else 0)
 
 
-def write_gtkw(path, vcd_path, listed, top="gyro", analog=(), expanded=("pins",), marker_ps=None):
+def write_gtkw(path, vcd_path, signal_list, top="gyro", analog=(), expanded=("pins",), marker_ps=None):
     """Write the save file of GTKWave: one group per block, the groups named in `expanded` open.
 
     analog     names of signals drawn as curves
     marker_ps  time of the marker, which is in the middle of what is shown first; None: from the beginning, no marker
     """
-    listed = list(listed)
+    signal_list = list(signal_list)
     begin, marker = (0, -1) if marker_ps is None else (max(0, marker_ps - GTKW_SHOWN_PS // 2), marker_ps)
     lines = [f"[*] ftr-gyro {VERSION}", f'[dumpfile] "{Path(vcd_path).name}"', f"[timestart] {begin}"]
     # zoom: minus log2 of picoseconds per 200 pixels, then the marker, and the named markers, all unset
@@ -245,7 +245,7 @@ def write_gtkw(path, vcd_path, listed, top="gyro", analog=(), expanded=("pins",)
         "[sst_width] 220",
     ]
     lines += ["@28", f"{top}.{CLOCK_NAME}"]
-    for group, members in _grouped(listed).items():
+    for group, members in _signals_by_group(signal_list).items():
         is_open = group in expanded or group.rpartition(".")[2] in expanded
         lines += ["@800200" if is_open else "@c00200", f"-{group}"]
         for signal in members:
@@ -262,29 +262,29 @@ def _letters(index):
     return "".join(chr(ord("a") + int(digit, 16)) for digit in f"{index:x}")
 
 
-def write_sucl(path, vcd_path, listed, top="gyro"):
+def write_sucl(path, vcd_path, signal_list, top="gyro"):
     """Write the command file of Surfer: the clock, then a divider and the signals of each block."""
     name = Path(vcd_path).name
     lines = [f"# surfer {name} --command-file {Path(path).name}", f"variable_add {top}.{CLOCK_NAME}"]
     item = 1
-    for group, members in _grouped(list(listed)).items():
+    for group, members in _signals_by_group(list(signal_list)).items():
         lines.append(f"divider_add {group}")
         item += 1
         for signal in members:
             lines.append(f"variable_add {top}.{signal.name}")
             if signal.width > 1:
                 wide = signal.width >= WIDE_BITS and not signal.signed
-                shown = "Hexadecimal" if wide else "Signed" if signal.signed else "Unsigned"
-                lines += [f"item_focus {_letters(item)}_{signal.name}", f"item_set_format {shown}"]
+                format_name = "Hexadecimal" if wide else "Signed" if signal.signed else "Unsigned"
+                lines += [f"item_focus {_letters(item)}_{signal.name}", f"item_set_format {format_name}"]
             item += 1
     lines += ["item_unfocus", "zoom_fit"]
     write_text(path, "\n".join(lines) + "\n")
 
 
-def write_window(path, rows, listed, first_edge=0, clock_hz=DEFAULT.master_hz, top="gyro", analog=()):
+def write_window(path, rows, signal_list, first_edge=0, clock_hz=DEFAULT.master_hz, top="gyro", analog=()):
     """VCD, GTKWave and Surfer files side by side; returns their paths."""
     path = Path(path)
-    write_vcd(path, rows, listed, first_edge, top, clock_hz=clock_hz)
-    write_gtkw(path.with_suffix(".gtkw"), path, listed, top, analog)
-    write_sucl(path.with_suffix(".sucl"), path, listed, top)
+    write_vcd(path, rows, signal_list, first_edge, top, clock_hz=clock_hz)
+    write_gtkw(path.with_suffix(".gtkw"), path, signal_list, top, analog)
+    write_sucl(path.with_suffix(".sucl"), path, signal_list, top)
     return [path, path.with_suffix(".gtkw"), path.with_suffix(".sucl")]

@@ -17,7 +17,7 @@ def study(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Plan with an axis of designs and one of seeds.")],
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of points, predictions and page.")],
     sets: Sets = None,
-    own_engines: Engines = None,
+    engine_texts: Engines = None,
     workers: Annotated[
         int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
     ] = None,
@@ -29,9 +29,9 @@ def study(
     from testbench.study import study as studies
     from testbench.study import study_page
 
-    show, own = Progress(quiet=as_json), own_engines or ()
+    show, engines = Progress(quiet=as_json), engine_texts or ()
     result, report = studies.run(
-        plan, out, local(workers), show, sets or (), own, lambda found: study_page.write(found, out / "results")
+        plan, out, local(workers), show, sets or (), engines, lambda found: study_page.write(found, out / "results")
     )
     files = list(map(str, report.files))
     if as_json:

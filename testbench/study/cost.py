@@ -33,7 +33,7 @@ class Cost(NamedTuple):
 
 def _unused(name, config):
     """Bits of a register that a design keeps at zero."""
-    d, board = config.design, chips.of(config.design)
+    d, board = config.design, chips.design_chips(config.design)
     role, _, part = name.partition(".")
     for side, chip in (("drive", board.drive), ("sense", board.sense)):
         if role == f"{side}_modulator" and part != "product":
@@ -51,14 +51,14 @@ def _unused(name, config):
     return 0
 
 
-def cost(config):
+def design_cost(config):
     """`Cost` of a configuration's firmware."""
     design = config.design_record()
     leaves = format_leaves(formats(fpga.State, design))
     registers = sum(fmt.width - _unused(name, config) for name, fmt in leaves)
-    slope, middle, out = (fmt.at(design) for fmt in (sine.SLOPE, sine.MIDDLE, sine.OUT))
+    slope, middle, out = (fmt.for_design(design) for fmt in (sine.SLOPE, sine.MIDDLE, sine.OUT))
     coefficient = pi.COEF.width - pi.COEF.f + config.design.coefficient_fraction_bits
     errors = LOOPS * pi.ERR.width - SENSE_LOOPS * (WORD_BITS - config.design.adc_bits)
     multipliers = 2 * slope.width * middle.width + 2 * modulator.AMPLITUDE.width * out.width + 2 * coefficient * errors
-    tables = (sine.BASE.at(design).width + slope.width) << design.sine_address_bits
+    tables = (sine.BASE.for_design(design).width + slope.width) << design.sine_address_bits
     return Cost(registers, multipliers, tables)

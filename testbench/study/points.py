@@ -77,9 +77,9 @@ def band_density(words, frame_hz):
     f = np.fft.rfftfreq(n, 1 / frame_hz)
     power = 2 * np.abs(np.fft.rfft(x)) ** 2 / (frame_hz * n)
     power = power[(f >= BAND_HZ[0]) & (f <= BAND_HZ[1])]
-    over = power > LINE_TIMES * np.median(power) / math.log(2)
-    lines = np.convolve(over, np.ones(3), "same") > 0
-    largest = math.sqrt(2 * power[over].max() * frame_hz / n) if over.any() else 0.0
+    is_line = power > LINE_TIMES * np.median(power) / math.log(2)
+    lines = np.convolve(is_line, np.ones(3), "same") > 0
+    largest = math.sqrt(2 * power[is_line].max() * frame_hz / n) if is_line.any() else 0.0
     return float(power[~lines].mean()), largest
 
 
@@ -98,13 +98,13 @@ def largest_line(records, tick_hz, carrier_hz):
     return int(harmonic[top]), 10 * math.log10(max(level[top], 1e-12) / level[0])
 
 
-def measured(config, sink):
+def measure_point(config, sink):
     """{name: number} of one configuration; its rows at rest go to `sink`."""
     board = Board(config)
     design = board.sim.design
-    rest = board.record(config.scenario.seconds, 0.0, (sink,), ("rate_word", "frequency_word"))
-    words = rest["rate_word"].astype(float)
-    carrier_hz = float(rest["frequency_word"][-1000:].mean()) * build.lsb_hz(config)
+    columns = board.record(config.scenario.seconds, 0.0, (sink,), ("rate_word", "frequency_word"))
+    words = columns["rate_word"].astype(float)
+    carrier_hz = float(columns["frequency_word"][-1000:].mean()) * build.lsb_hz(config)
     board.sim.keep_codes = True
     codes = []
     for _ in range(CODE_RECORDS):
@@ -134,12 +134,12 @@ def measured(config, sink):
     }
 
 
-def play(configs, sinks):
+def run_points(configs, sinks):
     """As `campaign.engines` says, one point to a call; a board that does not lock fails alone."""
     out = []
     for config, sink in zip(configs, sinks):
         try:
-            out.append(measured(config, sink))
+            out.append(measure_point(config, sink))
         except ConfigError as problem:
             out.append(problem)
     return out
@@ -151,4 +151,4 @@ def _compile():
     warmup.warm_up()
 
 
-POINTS = Engine(play, 1, ("testbench.study.points", "testbench.run.simulate"), _compile)
+POINTS = Engine(run_points, 1, ("testbench.study.points", "testbench.run.simulate"), _compile)

@@ -24,7 +24,7 @@ from fpga_model.design_record import DEFAULT
 from testbench.engines import chips
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import RAW_GAIN, parts
+from testbench.paper.loop.loop_parameters import RAW_GAIN, loop_parameters
 from testbench.run import build
 from testbench.study import rounding
 
@@ -56,9 +56,9 @@ class Prediction(NamedTuple):
     spur_dbc: float
 
 
-def linear_parts(config):
+def linear_parameters(config):
     """`Parts` of a configuration, with the force that the sine's table leaves of a word."""
-    p = parts(config)
+    p = loop_parameters(config)
     return p._replace(volts_per_word=p.volts_per_word * table_gain(config.design))
 
 
@@ -83,18 +83,18 @@ class Word(NamedTuple):
 def word_spectrum(p, loop):
     """`Word` of the linear loop: all sources of noise, and the ADC's rounding."""
     z = np.exp(2j * math.pi * GRID_HZ * FRAME_S)
-    left = lp.resolvent(loop.a.T, z, loop.row)
-    rate, by_sin, by_cos = (np.abs(left @ loop.b[:, column]) ** 2 for column in INPUTS)
+    row_resolvent = lp.resolvent(loop.a.T, z, loop.row)
+    rate, by_sin, by_cos = (np.abs(row_resolvent @ loop.b[:, column]) ** 2 for column in INPUTS)
     # what a conversion adds behind the filter reaches word and V_q at once
     code_sin, code_cos = np.zeros(len(loop.a)), np.zeros(len(loop.a))
     code_sin[lp.ACC], code_sin[lp.WORD] = p.word_ki, p.word_ki + p.word_kp
     code_cos[lp.U] = -p.u_ki
-    per_code = np.abs(left @ code_sin) ** 2 + np.abs(left @ code_cos) ** 2
+    per_code = np.abs(row_resolvent @ code_sin) ** 2 + np.abs(row_resolvent @ code_cos) ** 2
     per_volt = (by_sin + by_cos) / (1 + (GRID_HZ / p.sid_hz) ** 2) ** p.sid_stages
     a_frame = 2 * FRAME_S
     flicker = per_code * (p.flicker_v_per_rthz * p.code_per_v) ** 2 / GRID_HZ
     coriolis = 2 * p.coriolis_mass_kg * p.w_rad_s * p.amplitude_m
-    lsb = advisor.rest_gain(loop)
+    lsb = advisor.dc_gain(loop)
     density = (
         flicker
         + per_code * ((p.adc_noise_v * p.code_per_v) ** 2 + p.step_code**2 / 12) * a_frame
@@ -132,7 +132,7 @@ def drive_word(config, p):
 
 def largest_spur(config, p):
     """(harmonic, dBc) of the largest line in the codes of the drive DAC beside the carrier."""
-    d, lsb = config.design, 2.0 ** (24 - chips.of(config.design).drive.bits)
+    d, lsb = config.design, 2.0 ** (24 - chips.design_chips(config.design).drive.bits)
     amplitude, rms = (word / lsb for word in drive_word(config, p))
     n, size = rounding.lines(amplitude, rms)
     power = dict(zip(n.tolist(), ((size / amplitude) ** 2).tolist()))
@@ -157,13 +157,13 @@ def dds_input_lsb(config):
 
 def predict(config):
     """`Prediction` of a configuration."""
-    p = linear_parts(config)
+    p = linear_parameters(config)
     loop = lp.close(p)
-    word, lsb = word_spectrum(p, loop), advisor.rest_gain(loop) * lp.DEG
-    still = lp.rest(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
+    word, lsb = word_spectrum(p, loop), advisor.dc_gain(loop) * lp.DEG
+    still = lp.steady_state(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
     dac_lsb = p.dac_lsb_v / config.device().sense_dac_span_v * 2**23
-    bias_word, moved = float(still[lp.WORD_BEFORE]), covariance(word.density)
-    spread = moved / dac_lsb**2
+    bias_word, word_covariance = float(still[lp.WORD_BEFORE]), covariance(word.density)
+    spread = word_covariance / dac_lsb**2
     rms = math.sqrt(spread[0])
     error = rounding.in_phase_error(bias_word / dac_lsb, rms) * dac_lsb
     rounded = 4 / 12 / p.tick_hz + rounding.error_density(bias_word / dac_lsb, spread, FRAME_S)
@@ -174,7 +174,9 @@ def predict(config):
     dds_input = dds_input_lsb(config)
     harmonic, spur = largest_spur(config, p)
     opened = lp.close(p, 0.0, 0.0)
-    per_dps = float(abs((opened.codes @ lp.rest(opened, (lp.DEG, 0, 0, 0)) + opened.codes_b[:, lp.RATE] * lp.DEG)[0]))
+    per_dps = float(
+        abs((opened.codes @ lp.steady_state(opened, (lp.DEG, 0, 0, 0)) + opened.codes_b[:, lp.RATE] * lp.DEG)[0])
+    )
     # 2 ln 2 h for flicker of density h/f, S/2 tau for white noise of density S; both at the low end of the grid
     allan = 2 * math.log(2) * word.flicker[0] * GRID_HZ[0] + (density - word.flicker)[0] / 2 / TAU_S
     return Prediction(

@@ -35,8 +35,8 @@ def error_density(amplitude, covariance, step_s):
     at = 2 * math.pi * ORDERS * max(abs(amplitude), 1e-3)
     power = (2 / (math.pi * ORDERS)) ** 2 * (j1(at) ** 2 + y1(at) ** 2) / 2
     kappa = (2 * math.pi * ORDERS) ** 2
-    rest = np.exp(-np.outer(covariance[0] - covariance, kappa)) - np.exp(-kappa * covariance[0])
-    of_lag = rest @ power
+    lag_terms = np.exp(-np.outer(covariance[0] - covariance, kappa)) - np.exp(-kappa * covariance[0])
+    of_lag = lag_terms @ power
     return 2 * step_s * float(of_lag[0] + 2 * of_lag[1:].sum())
 
 
@@ -46,11 +46,11 @@ def lines(amplitude, rms=0.0):
     top = int(2 * math.pi * REACH * amplitude) + 10
     n = np.arange(3, top, 2)
     sizes = np.abs(amplitude + rms * NODES)
-    found = np.zeros(len(n))
+    harmonics = np.zeros(len(n))
     for m in range(1, LINE_ORDERS + 1):
         mean = WEIGHTS @ jv(n[None, :], 2 * math.pi * m * sizes[:, None]) / WEIGHTS.sum()
-        found += 2 * (-1.0) ** m / (math.pi * m) * mean
-    return n, np.abs(found)
+        harmonics += 2 * (-1.0) ** m / (math.pi * m) * mean
+    return n, np.abs(harmonics)
 
 
 def largest_line(amplitude):

@@ -42,9 +42,9 @@ TAU_S = prediction.TAU_S
 KEEP_SHARE, KEEP_PPM, KEEP_HZ = 0.05, 100.0, 0.3
 
 
-def read(path, sets=(), own_engines=()):
+def read(path, sets=(), engine_texts=()):
     """`Plan` of a study, as `campaign.plan.plan.read`; ConfigError for one without its two axes."""
-    plan = plans.read(path, sets, own_engines)
+    plan = plans.read(path, sets, engine_texts)
     axes = {axis.name: axis for axis in plan.axes}
     if set(axes) != set(AXES) or not axes["design"].cases or list(axes["seed"].values) != ["noise.seed"]:
         raise ConfigError(f"{path}: a study has the axes seed, of noise.seed alone, and design, of cases")
@@ -59,7 +59,7 @@ def designs(plan):
     out = {}
     for k, name in enumerate(cases):
         index = [k if axis.name == "design" else 0 for axis in plan.axes]
-        out[name] = configuration.from_dict(plans.tree_of(plan, index)[0], f"{plan.source}: {name}")
+        out[name] = configuration.from_dict(plans.point_tree(plan, index)[0], f"{plan.source}: {name}")
     return out
 
 
@@ -73,21 +73,24 @@ class Written(NamedTuple):
 
 def write_predictions(plan, store, progress=None):
     """`Written` predictions of a plan; what is there already stays, with its time."""
-    found = {}
+    predictions = {}
     for k, (name, config) in enumerate(designs(plan).items()):
         if progress:
             progress("predictions", k, 0)
-        found[name] = {"predicted": prediction.predict(config)._asdict(), "cost": cost.cost(config)._asdict()}
-    sha256 = hashlib.sha256(canonical(found).encode()).hexdigest()
+        predictions[name] = {
+            "predicted": prediction.predict(config)._asdict(),
+            "cost": cost.design_cost(config)._asdict(),
+        }
+    sha256 = hashlib.sha256(canonical(predictions).encode()).hexdigest()
     path = store.path / "predictions" / f"{plan.name}-{sha256[:16]}.json"
     if not path.exists():
         path.parent.mkdir(exist_ok=True)
-        written = Written(sha256, datetime.now(UTC).isoformat(timespec="seconds"), found)
+        written = Written(sha256, datetime.now(UTC).isoformat(timespec="seconds"), predictions)
         write_text(path, json.dumps(written._asdict(), indent=1))
     return Written(**inputs.read_json(path))
 
 
-class Seen(NamedTuple):
+class SimulatedDesign(NamedTuple):
     """What the runs of a design show, means over their seeds."""
 
     locked: int  # runs that end in lock
@@ -112,29 +115,29 @@ class Seen(NamedTuple):
     def keeps(self):
         """Whether the figures are those of the first design."""
         steady = self.arw_rise <= KEEP_SHARE and self.adev_rise <= KEEP_SHARE
-        same = abs(self.scale_ppm) <= KEEP_PPM and abs(self.bandwidth_moved_hz) <= KEEP_HZ
-        return bool(self.locked == self.runs and steady and same)
+        is_close = abs(self.scale_ppm) <= KEEP_PPM and abs(self.bandwidth_moved_hz) <= KEEP_HZ
+        return bool(self.locked == self.runs and steady and is_close)
 
 
 def _columns(plan, store):
     """{case: {name: values over the seeds that are finished}}."""
-    wanted = collect.stored_points(store, plan.name)
-    found, _ = collect.load(store, wanted.addresses)
+    stored_plan = collect.read_stored_plan(store, plan.name)
+    finished, _ = collect.load(store, stored_plan.addresses)
     names = [axis.name for axis in plan.axes]
     tau = list(plan.keep.tau_s).index(TAU_S)
     out = {case: [] for case in designs(plan)}
-    for place, address in zip(np.ndindex(*plan.shape), wanted.addresses):
-        if address in found:
-            one = found[address]
+    for index, address in zip(np.ndindex(*plan.shape), stored_plan.addresses):
+        if address in finished:
+            one = finished[address]
             row = {name: float(one[name].data) for name in NUMBERS}
             row["adev"] = float(one["rate_word.adev"].data[tau])
             row["sense_cos"] = float(one["adc_sense_cos.mean"].data)
-            row["seed"] = place[names.index("seed")]
-            out[list(out)[place[names.index("design")]]].append(row)
+            row["seed"] = index[names.index("seed")]
+            out[list(out)[index[names.index("design")]]].append(row)
     return {case: {key: np.array([row[key] for row in rows]) for key in rows[0]} for case, rows in out.items() if rows}
 
 
-def measured(plan, store, predicted):
+def simulated_designs(plan, store, predicted):
     """{case: Seen} of the finished points; designs without one are left out."""
     columns = _columns(plan, store)
     first = next(iter(predicted))
@@ -150,7 +153,7 @@ def measured(plan, store, predicted):
         of_base = base["density_lsb2_per_hz"] / base["scale_lsb_per_dps"] ** 2
         adev, adev_base = ((x["adev"] / x["scale_lsb_per_dps"]) ** 2 for x in (c, base))
         bins = (BAND_HZ[1] - BAND_HZ[0]) * next(iter(designs(plan).values())).scenario.seconds
-        out[case] = Seen(
+        out[case] = SimulatedDesign(
             locked=int(c["locked"].sum()),
             runs=len(c["locked"]),
             arw_deg_per_rt_h=60 * math.sqrt(power.mean() / 2),
@@ -183,12 +186,12 @@ class Deviation(NamedTuple):
 LIMITS = Deviation(arw=0.03, noise=0.10, spur_db=1.5)
 
 
-def deviation(seen, predicted):
+def deviation(simulated, predicted):
     """`Deviation` of a design."""
     return Deviation(
-        seen.arw_deg_per_rt_h / predicted["arw_deg_per_rt_h"] - 1,
-        seen.noise_lsb / predicted["noise_lsb"] - 1,
-        seen.spur_dbc - predicted["spur_dbc"],
+        simulated.arw_deg_per_rt_h / predicted["arw_deg_per_rt_h"] - 1,
+        simulated.noise_lsb / predicted["noise_lsb"] - 1,
+        simulated.spur_dbc - predicted["spur_dbc"],
     )
 
 
@@ -205,9 +208,9 @@ def front(costs, losses):
 
 def first_start(store, plan):
     """UTC of the first start of a point of the plan, or '': the predictions are older."""
-    wanted = set(collect.stored_points(store, plan.name).addresses)
+    addresses = set(collect.read_stored_plan(store, plan.name).addresses)
     for event in store.events():
-        if event.event == "start" and event.point in wanted:
+        if event.event == "start" and event.point in addresses:
             return datetime.fromtimestamp(event.t, UTC).isoformat(timespec="seconds")
     return ""
 
@@ -218,32 +221,34 @@ class Result(NamedTuple):
     name: str
     written: Written
     started_utc: str
-    seen: dict  # {case: Seen}
+    simulated: dict  # {case: Seen}
 
     @property
     def rows(self):
         """(case, predicted, cost, Seen, Deviation) of each design that has run."""
-        for case, seen in self.seen.items():
+        for case, simulated in self.simulated.items():
             one = self.written.designs[case]
-            yield case, one["predicted"], cost.Cost(**one["cost"]), seen, deviation(seen, one["predicted"])
+            yield case, one["predicted"], cost.Cost(**one["cost"]), simulated, deviation(simulated, one["predicted"])
 
 
-def run(path, out, executor, progress, sets=(), own_engines=(), write_page=None, say=None):
+def run(path, out, executor, progress, sets=(), engine_texts=(), write_page=None, say=None):
     """Predict, run what is missing, compare: (`Result`, the campaign's report). As `campaign.execute.run`.
 
     write_page  (`Result`) -> path of its page, which is published with the campaign's results
     """
     from testbench.campaign import execute
 
-    plan = read(path, sets, own_engines)
+    plan = read(path, sets, engine_texts)
     plans.points(plan)  # refused before anything is written
-    store = Store.at(out, create=True)
+    store = Store.open_folder(out, create=True)
     written = write_predictions(plan, store, say)
-    found = []
+    results = []
 
     def compare():
-        found.append(Result(plan.name, written, first_start(store, plan), measured(plan, store, written.designs)))
-        return [write_page(found[0])] if write_page else []
+        results.append(
+            Result(plan.name, written, first_start(store, plan), simulated_designs(plan, store, written.designs))
+        )
+        return [write_page(results[0])] if write_page else []
 
     report = execute.run(plan, out, executor, progress, compare)
-    return found[0], report
+    return results[0], report

@@ -5,7 +5,7 @@ Source    docs/word_lengths.md
 
 from testbench.console.markdown import markdown
 from testbench.console.table import Table
-from testbench.storage.files import together, write_text
+from testbench.storage.files import atomic_outputs, write_text
 from testbench.study import prediction, study
 
 COSTS = ("registers", "multipliers", "tables")
@@ -20,25 +20,25 @@ def _keeps(p, s):
 def _verdict(result):
     """Table: the limits that were fixed before the run, and what came of them."""
     rows = list(result.rows)
-    held = [row for row in rows if row[1]["holds"]]
+    rule_rows = [row for row in rows if row[1]["holds"]]
     share = max((row[3].arw_share for row in rows), default=0.0)
     lines = [
         (
             "designs under the rule",
-            f"{len(held)} of {len(rows)}",
+            f"{len(rule_rows)} of {len(rows)}",
             "half",
-            "yes" if 2 * len(held) >= len(rows) else "no",
+            "yes" if 2 * len(rule_rows) >= len(rows) else "no",
         ),
         ("standard error of the ARW", f"{100 * share:.2f} %", "3 %", "yes" if share < 0.03 else "no"),
     ]
     texts = {"arw": ("ARW", 100, "%"), "noise": ("noise of the rate word", 100, "%"), "spur_db": ("line", 1, "dB")}
     for name, (text, factor, unit) in texts.items():
-        worst = max(held, key=lambda row: abs(getattr(row[4], name)), default=None)
+        worst = max(rule_rows, key=lambda row: abs(getattr(row[4], name)), default=None)
         if worst:
             value, limit = getattr(worst[4], name), getattr(study.LIMITS, name)
-            said = "yes" if abs(value) <= limit else "no"
+            answer = "yes" if abs(value) <= limit else "no"
             lines.append(
-                (f"{text}, worst: {worst[0]}", f"{factor * value:+.2f} {unit}", f"{factor * limit:g} {unit}", said)
+                (f"{text}, worst: {worst[0]}", f"{factor * value:+.2f} {unit}", f"{factor * limit:g} {unit}", answer)
             )
     older = result.written.utc <= result.started_utc
     lines.append(("predictions written", result.written.utc, f"before {result.started_utc}", "yes" if older else "no"))
@@ -132,9 +132,9 @@ def _fronts(result):
         ):
             best = study.front(price, loss)
             lines.append((kind, text, "; ".join(f"{rows[k][0]} ({price[k]})" for k in best)))
-        kept = [row for row in rows if row[3].keeps]
-        if kept:
-            least = min(kept, key=lambda row: getattr(row[2], kind))
+        steady_rows = [row for row in rows if row[3].keeps]
+        if steady_rows:
+            least = min(steady_rows, key=lambda row: getattr(row[2], kind))
             lines.append((kind, "least that keeps the figures", f"{least[0]} ({getattr(least[2], kind)})"))
     return Table("Pareto fronts", ("cost in bits of", "loss", "designs"), lines, "Of the designs under the rule.", ())
 
@@ -170,18 +170,18 @@ def write(result, folder):
     pictures = [
         (
             "A dash is the prediction, a disk the simulation. Hollow: the rule does not hold.",
-            study_pictures.beside(result),
+            study_pictures.comparison(result),
         ),
         (
             "Each design by its bits; the stairs are the front that no other design beats.",
             study_pictures.fronts(result),
         ),
     ]
-    said = [f"{row[0]}: outside the rule; ARW {100 * row[4].arw:+.1f} %" for row in result.rows if not row[1]["holds"]]
-    shown = tables(result)
-    text = "\n\n".join(f"## {table.title}\n\n{markdown(table)}\n\n{table.note}" for table in shown)
+    notes = [f"{row[0]}: outside the rule; ARW {100 * row[4].arw:+.1f} %" for row in result.rows if not row[1]["holds"]]
+    page_tables = tables(result)
+    text = "\n\n".join(f"## {table.title}\n\n{markdown(table)}\n\n{table.note}" for table in page_tables)
     path = folder / f"{result.name}.html"
-    with together():
+    with atomic_outputs():
         write_text(folder / f"{result.name}.md", text + "\n")
-        report.write_html(path, "Word lengths", shown, pictures, said or ("nothing to mind",))
+        report.write_html(path, "Word lengths", page_tables, pictures, notes or ("nothing to mind",))
     return path

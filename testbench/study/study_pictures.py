@@ -5,18 +5,18 @@ Source    docs/word_lengths.md
 
 import numpy as np
 
-from testbench.console.report import BLUE, GREY, VERMILION, axes_of, name_axes
+from testbench.console.report import BLUE, GREY, VERMILION, make_axes, name_axes
 
 COSTS = (("registers", "register bits"), ("multipliers", "multiplier bits"), ("tables", "table bits"))
 
 
-def beside(result):
+def comparison(result):
     """Runs beside predictions, a design to a column: ARW, noise, largest line, scale factor."""
     rows = list(result.rows)
     x, names = np.arange(len(rows)), [row[0] for row in rows]
     holds = np.array([row[1]["holds"] for row in rows])
     base = rows[0]
-    shown = (
+    panels = (
         ("ARW\n(deg/sqrt(h))", lambda p: p["arw_deg_per_rt_h"], lambda s: s.arw_deg_per_rt_h),
         ("noise of the\nrate word (LSB)", lambda p: p["noise_lsb"], lambda s: s.noise_lsb),
         ("largest line,\ndrive DAC (dBc)", lambda p: p["spur_dbc"], lambda s: s.spur_dbc),
@@ -26,9 +26,9 @@ def beside(result):
             lambda s: s.scale_ppm,
         ),
     )
-    figure, axes = axes_of("Prediction and simulation", 11.0, len(shown), 1, sharex=True)
-    for axis, (label, predicted, seen) in zip(axes[:, 0], shown):
-        values = np.array([seen(row[3]) for row in rows])
+    figure, axes = make_axes("Prediction and simulation", 11.0, len(panels), 1, sharex=True)
+    for axis, (label, predicted, simulated) in zip(axes[:, 0], panels):
+        values = np.array([simulated(row[3]) for row in rows])
         axis.plot(x, [predicted(row[1]) for row in rows], "_", color=GREY, markersize=18, mew=2, label="prediction")
         axis.plot(x[holds], values[holds], "o", color=BLUE, label="simulation, rule holds")
         axis.plot(x[~holds], values[~holds], "o", mfc="white", color=VERMILION, label="simulation, rule does not hold")
@@ -49,13 +49,13 @@ def fronts(result):
         ("scale factor moved (ppm)", [max(abs(row[3].scale_ppm), 1.0) for row in rows], KEEP_PPM),
     )
     keeps, holds = (np.array([pick(row) for row in rows]) for pick in (lambda r: r[3].keeps, lambda r: r[1]["holds"]))
-    figure, axes = axes_of("Cost against loss", 9.0, len(losses), len(COSTS))
+    figure, axes = make_axes("Cost against loss", 9.0, len(losses), len(COSTS))
     for line, (label, loss, limit) in zip(axes, losses):
         for axis, (kind, text) in zip(line, COSTS):
             price = np.array([getattr(row[2], kind) for row in rows])
             loss = np.array(loss)
-            under = np.flatnonzero(holds)
-            best = under[front(price[under].tolist(), loss[under].tolist())]
+            in_rule = np.flatnonzero(holds)
+            best = in_rule[front(price[in_rule].tolist(), loss[in_rule].tolist())]
             axis.plot(price[best], loss[best], "-", color=GREY, drawstyle="steps-post", label="front, under the rule")
             axis.plot(price[keeps], loss[keeps], "o", color=BLUE, label="keeps all figures")
             axis.plot(price[~keeps], loss[~keeps], "o", mfc="white", color=VERMILION, label="does not")

@@ -30,7 +30,7 @@ def _bars(rows, color, label):
     return figure, axis
 
 
-def _cells(axis, values, form, white):
+def _annotate_cells(axis, values, form, white):
     """Numbers of a matrix in its image, white where `white(value)`; nan: none."""
     axis.grid(False)
     for i, j in np.argwhere(np.isfinite(values)):
@@ -38,7 +38,7 @@ def _cells(axis, values, form, white):
         axis.text(j, i, format(values[i, j], form), ha="center", va="center", fontsize=7, color=color)
 
 
-def held_out(tracer):
+def heldout_errors(tracer):
     """Error before and after, in units of each observable's own repeatability."""
     rows = [(k, r) for k, r in tracer.heldout.rows.items() if r["floor"]]
     if not rows:
@@ -98,7 +98,7 @@ def cosines(tracer):
     image = axis.imshow(c, cmap="RdBu_r", vmin=-1, vmax=1)
     axis.set_xticks(range(len(names)), names, rotation=60, ha="right")
     axis.set_yticks(range(len(names)), names)
-    _cells(axis, c, ".2f", lambda cosine: abs(cosine) > 0.6)
+    _annotate_cells(axis, c, ".2f", lambda cosine: abs(cosine) > 0.6)
     figure.colorbar(image, ax=axis, label="cosine of the projected signatures")
     return "Cosines between laws after projection. See: pairs near 1 or -1 cannot be told apart on these data.", figure
 
@@ -118,7 +118,7 @@ def condition_map(tracer):
         axis.set_xticks(range(len(names)), names, rotation=40, ha="right")
         axis.set_yticks(range(len(groups)), groups)
         axis.set_title(title)
-        _cells(axis, cells, ".3g", lambda chi2: not 0.12 < chi2 < 8)
+        _annotate_cells(axis, cells, ".3g", lambda chi2: not 0.12 < chi2 < 8)
     figure.colorbar(image, ax=axes, label="log10(chi2 / rows)")
     return "Misfit per condition and observable (1 = noise). See: what is left after must be without pattern.", figure
 
@@ -131,13 +131,13 @@ def added_variable(tracer):
     n, count = len(fit.point.theta), min(len(fit.model.names), 3)
     figure, axes = _axes(count, height=3.8)
     for axis, i in zip(axes, range(count)):
-        others = np.delete(fit.jacobian, n + i, axis=1)
-        p = Projection(others, np.delete(fit.model.prior_columns(), n + i, axis=1))
+        other_columns = np.delete(fit.jacobian, n + i, axis=1)
+        p = Projection(other_columns, np.delete(fit.model.prior_columns(), n + i, axis=1))
         s = p(fit.jacobian[:, n + i : n + i + 1])[:, 0]
-        left = p(fit.z[:, None], prior_z(fit)[:, None])[:, 0] + s * fit.point.c[i]
+        partial_residual = p(fit.z[:, None], prior_z(fit)[:, None])[:, 0] + s * fit.point.c[i]
         step = max(1, len(s) // MOST_POINTS)
         law = fit.model.laws[i]
-        axis.plot(s[::step] * law.scale, left[::step], ".", color=GREY, markersize=3)
+        axis.plot(s[::step] * law.scale, partial_residual[::step], ".", color=GREY, markersize=3)
         x = np.array([s.min(), s.max()])
         axis.plot(x * law.scale, x * fit.point.c[i], "-", color=BLUE, label=f"{fit.point.c[i]:.4g} {law.unit}")
         axis.set_xlabel(f"signature of {law.name} (sigma for {law.scale:g} {law.unit})")
@@ -188,15 +188,15 @@ def power(tracer):
     rows = sorted((v["d"], k) for k, v in d90.items() if v["d"] is not None)[-SHOWN:]
     if not rows:
         return None
-    named = [(d, f"{k}: {d90[k]['value']:.3g} {d90[k]['unit']}") for d, k in rows]
-    figure, _ = _bars(named, GREEN, "d_90 (sigma)")
+    labelled = [(d, f"{k}: {d90[k]['value']:.3g} {d90[k]['unit']}") for d, k in rows]
+    figure, _ = _bars(labelled, GREEN, "d_90 (sigma)")
     return "Smallest effect this record would have shown with 90 %, in sigmas and in the law's unit.", figure
 
 
 def all_figures(tracer):
     """{name: (caption, Figure)} of everything that can be drawn."""
     drawn = {}
-    for draw in (held_out, condition_map, ranking, cosines, added_variable, whiteness, power):
+    for draw in (heldout_errors, condition_map, ranking, cosines, added_variable, whiteness, power):
         found = draw(tracer)
         if found is not None:
             drawn[draw.__name__] = found

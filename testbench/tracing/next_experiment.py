@@ -26,36 +26,36 @@ class _Pair:
         self.points = (a.point, b.point)
         (mine,) = b.model.ask([b.point])
         (other,) = Model(b.model.space, b.model.predictor, a.model.names).ask([a.point])
-        delta = b.model.space.change(other, mine)
-        whole = np.concatenate([b.jacobian, b.model.prior_columns()])
-        rhs = np.concatenate([delta, np.zeros(len(whole) - len(delta))])
-        scale = np.linalg.norm(whole, axis=0)
+        delta = b.model.space.whitened_change(other, mine)
+        design = np.concatenate([b.jacobian, b.model.prior_columns()])
+        rhs = np.concatenate([delta, np.zeros(len(design) - len(delta))])
+        scale = np.linalg.norm(design, axis=0)
         self.scale = np.where(scale > 0, scale, 1.0)
-        q, self.r = np.linalg.qr(whole / self.scale)
+        q, self.r = np.linalg.qr(design / self.scale)
         self.rhs = q.T @ rhs
-        self.rest = max(0.0, float(rhs @ rhs - self.rhs @ self.rhs))
+        self.residual_square = max(0.0, float(rhs @ rhs - self.rhs @ self.rhs))
 
-    def distance(self, delta=None, jacobian=None):
+    def separation(self, delta=None, jacobian=None):
         """D with the rows of one more condition."""
         r, rhs = self.r, self.rhs
         if delta is not None:
             r, rhs = np.concatenate([r, jacobian / self.scale]), np.concatenate([rhs, delta])
         x = np.linalg.lstsq(r, rhs, rcond=1e-12)[0]
-        return float(np.sqrt(self.rest + np.sum((rhs - r @ x) ** 2)))
+        return float(np.sqrt(self.residual_square + np.sum((rhs - r @ x) ** 2)))
 
 
-def _words(row):
+def _repeat_advice(row):
     """(how often to record it, None if that is of no use; in one line how far apart the hardest pair is then)."""
-    now, then = row["separation"] / max(row["gain"], 1e-9), row["separation"]
+    now, after = row["separation"] / max(row["gain"], 1e-9), row["separation"]
     pair, where = " and ".join(row["pair"]), ", ".join(f"{k} {_text(v)}" for k, v in row["condition"].items())
-    count, gained = row["repeats"], then**2 - now**2
-    if then < ENOUGH:
+    count, gained = row["repeats"], after**2 - now**2
+    if after < ENOUGH:
         # the squares of what each repeat adds, as long as the nuisances are known
         count = int(np.ceil(count * (ENOUGH**2 - now**2) / max(gained, 1e-9)))
         if count > MANY:
             return None, f"no condition on offer separates {pair}; best is {row['group']} ({where})"
-        then = ENOUGH
-    return count, f"{count} repeats of {row['group']} ({where}): {pair} are then {then:.2g} sigma apart, {now:.2g} now"
+        after = ENOUGH
+    return count, f"{count} repeats of {row['group']} ({where}): {pair} are then {after:.2g} sigma apart, {now:.2g} now"
 
 
 def _text(value):
@@ -79,14 +79,14 @@ def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
             continue
         jacobian = pair.b.jacobian(pair.points[1], second)
         if np.all(np.isfinite(jacobian)):
-            pairs.append((pair, space.change(first, second), jacobian))
+            pairs.append((pair, space.whitened_change(first, second), jacobian))
     rows = []
     for group in space.groups if pairs else ():
         separations = []
         for pair, delta, jacobian in pairs:
-            now = pair.distance()
-            then = pair.distance(delta[group.rows], jacobian[group.rows])
-            separations.append((then, then / max(now, 1e-9), pair))
+            now = pair.separation()
+            after = pair.separation(delta[group.rows], jacobian[group.rows])
+            separations.append((after, after / max(now, 1e-9), pair))
         worst = min(separations, key=lambda item: item[0])
         hours = float(group.condition.get("hours", 1.0))
         rows.append(
@@ -94,6 +94,6 @@ def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
             | {"hours": hours, "gain_per_hour": (worst[1] - 1) / hours, "repeats": len(group.members)}
             | {"pair": [" + ".join(fit.names) or "nothing" for fit in (worst[2].a, worst[2].b)]}
         )
-        rows[-1]["wanted"], rows[-1]["words"] = _words(rows[-1])
+        rows[-1]["wanted"], rows[-1]["words"] = _repeat_advice(rows[-1])
         rows[-1]["text"] = offered.condition_text(group.members[0]) if rows[-1]["wanted"] else ""
     return sorted(rows, key=lambda row: (-row["gain_per_hour"], row["group"]))

@@ -12,7 +12,7 @@ from testbench.tracing.fit.heldout import REFUSED
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.rivals import CLEAR
 from testbench.tracing.fit.search import credible, inclusion
-from testbench.tracing.noise.findings import of_repeats
+from testbench.tracing.noise.findings import repeat_findings
 from testbench.tracing.noise.noise import bridge
 from testbench.tracing.noise.power import limits
 from testbench.tracing.noise.statistics import SHORT
@@ -22,25 +22,25 @@ STATUS = {"named": "named", "confounded": "confounded", "candidate": "candidate"
 MISFIT = 25.0  # of chi2, from which a single law is told although it is against physics
 
 
-def effects(fit, probability, same):
+def effects(fit, probability, duplicates):
     """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part.
 
     sd is for intervals; d is in units of the fit's own noise, as limits and alarms are
     same  {law that was not tried: the law that it is, in other parameters}
     """
-    n, out, told = len(fit.point.theta), [], _told_sd(fit)
+    n, out, interval_sd = len(fit.point.theta), [], _interval_sd(fit)
     for i, law in enumerate(fit.model.laws):
-        sd, d, c = float(told[n + i]), float(abs(fit.point.c[i]) / fit.sd[n + i]), float(fit.point.c[i])
+        sd, d, c = float(interval_sd[n + i]), float(abs(fit.point.c[i]) / fit.sd[n + i]), float(fit.point.c[i])
         out.append(
             {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": d}
             | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name)}
-            | {"same_as": sorted(name for name, first in same.items() if first == law.name)}
+            | {"same_as": sorted(name for name, first in duplicates.items() if first == law.name)}
         )
     return out
 
 
-def _told_sd(fit):
-    return np.sqrt(np.diag(fit.told))
+def _interval_sd(fit):
+    return np.sqrt(np.diag(fit.interval_covariance))
 
 
 def ranking_rows(tracer):
@@ -75,19 +75,19 @@ def model_rows(tracer):
     return rows + [{"laws": list(n), "failed": reason} for n, reason in sorted(tracer.found.failed.items())]
 
 
-def causes(tracer):
+def cause_rows(tracer):
     """The class: each member with its laws, their sizes, chi2 above the first, and P; the angle to the first."""
     rows, p = [], dict(zip(*tracer.posterior))
     for cause in tracer.causes:
         row = {"laws": list(cause.names), "chi2": cause.chi2, "p": p.get(cause.names)}
-        kept = ("law", "port", "value", "sd", "unit", "same_as")
-        row["effects"] = [{k: e[k] for k in kept} for e in effects(cause.fit, {}, tracer.dropped)]
+        keys = ("law", "port", "value", "sd", "unit", "same_as")
+        row["effects"] = [{k: e[k] for k in keys} for e in effects(cause.fit, {}, tracer.dropped)]
         mine, first = set(cause.names), set(tracer.found.best)
-        other, own = sorted(mine - first), sorted(first - mine)
-        if len(other) == 1 and len(own) == 1:
-            c = abs(_cosine(tracer, own[0], other[0]))
+        other, replaced = sorted(mine - first), sorted(first - mine)
+        if len(other) == 1 and len(replaced) == 1:
+            c = abs(_cosine(tracer, replaced[0], other[0]))
             sine = float(np.sqrt(max(1 - c * c, 0.0)))
-            row |= {"instead_of": own[0], "cosine": c, "d_to_separate": 3 / sine if sine > 1e-6 else None}
+            row |= {"instead_of": replaced[0], "cosine": c, "d_to_separate": 3 / sine if sine > 1e-6 else None}
         rows.append(row)
     return rows
 
@@ -119,7 +119,7 @@ def _cosine(tracer, a, b):
     return float(tracer.rank(tracer.base.fit, (a, b)).cosines[0, 1])
 
 
-def rivals_kept(tracer):
+def rival_count(tracer):
     """Number of models to distinguish: the class, or the 95 % set, at least two, at most MOST."""
     return int(np.clip(len(tracer.causes) or len(credible(*tracer.posterior)), 2, MOST))
 
@@ -172,10 +172,10 @@ def unexplained(tracer, out):
 def certificates(tracer):
     base, noise = tracer.base, tracer.noise
     repeats = sorted({int(r) for r in tracer.space.repeats})
-    alone = "no repeats: noise from the problem, alarms model-based, ranking only"
+    no_repeats = "no repeats: noise from the problem, alarms model-based, ranking only"
     return {
         "calibration": base.certificate,
-        "repeats": {"per_group": repeats, "R14": alone if tracer.alarms.model_based else None},
+        "repeats": {"per_group": repeats, "R14": no_repeats if tracer.alarms.model_based else None},
         "noise": {"p": noise.p, "worst": noise.worst, "jump": noise.jump, "squares": noise.dof},
         "adequacy": tracer.found.checks if tracer.found else [],
         "laws_left_out": {"imitated": tracer.imitated, "allowed": verdict.MOST_IMITATED},
@@ -190,27 +190,27 @@ def certificates(tracer):
 
 def result(tracer, decision):
     """`Result` of a `trace.Tracer` that has run."""
-    found, problem, probability, free = tracer.found, tracer.problem, {}, {}
+    search, problem, probability, free = tracer.found, tracer.problem, {}, {}
     if decision is None:
-        best = found.best
-        free = verdict.free_d(found.fit(best), tracer.identified) if best else {}
-        probability = inclusion(*tracer.posterior) if found.adequate else {}
+        best = search.best
+        free = verdict.free_d(search.fit(best), tracer.identified) if best else {}
+        probability = inclusion(*tracer.posterior) if search.adequate else {}
         rejected = "declared noise rejected" if tracer.noise_rejected else ""
         doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
-        unsupported = verdict.unsupported(problem, found.fit(best)) if best else ""
+        unsupported = verdict.unsupported_law(problem, search.fit(best)) if best else ""
         sets = tracer.chosen, tracer.untried, tracer.imitated, unsupported, tracer.heldout.log_odds
-        behind = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
-        stopped = verdict.blocks(problem, tracer.base.converged)
-        decision = verdict.with_search(found, tracer.causes, free, behind, stopped)
+        evidence = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
+        stopped = verdict.naming_obstacle(problem, tracer.base.converged)
+        decision = verdict.with_search(search, tracer.causes, free, evidence, stopped)
     out = Result(problem.name, decision.verdict, decision.sentence)
-    if found is not None and found.best and decision.verdict in STATUS:
-        out.effects = effects(found.fit(found.best), probability, tracer.dropped)
+    if search is not None and search.best and decision.verdict in STATUS:
+        out.effects = effects(search.fit(search.best), probability, tracer.dropped)
         for row in out.effects:
             row["d_without_priors"] = free[row["law"]]
             row["status"] = STATUS[decision.verdict]
     if decision.verdict in ("named", "confounded", "candidate"):
-        out.causes = causes(tracer)
+        out.causes = cause_rows(tracer)
     out.rivals = [{"laws": list(n), "instead_of": law, "vuong": v} for law, n, v in tracer.rivals]
     out.unphysical = unphysical(tracer)
     out.heldout = tracer.heldout.rows
@@ -223,9 +223,9 @@ def result(tracer, decision):
     out.ranking, out.models = ranking_rows(tracer), model_rows(tracer)
     tests = {name: getattr(tracer.alarms, name) for name in ("rotation", "refined", "declared")}
     out.alarms = {name: test and test._asdict() for name, test in tests.items()}
-    found = [*problem.noise_findings, *of_repeats(tracer.noise, verdict.LEVEL)]
+    search = [*problem.noise_findings, *repeat_findings(tracer.noise, verdict.LEVEL)]
     out.noise = {"octaves": [o._asdict() for o in tracer.noise.octaves], "p": tracer.noise.p}
-    out.noise["findings"] = [f._asdict() | {"text": f.text} for f in found]
+    out.noise["findings"] = [f._asdict() | {"text": f.text} for f in search]
     out.identifiability = {
         "directions": [
             {"eigenvalue": d.eigenvalue, "fixed_by": d.fixed_by, "words": d.words} for d in tracer.identified.directions
@@ -236,16 +236,18 @@ def result(tracer, decision):
     out.nuisances = [
         {"name": n.name, "unit": n.unit, "prior": n.value, "prior_sd": n.prior_sd}
         | {"before": float(b), "after": float(x), "sd_before": float(d), "sd": float(s)}
-        for n, b, d, x, s in zip(problem.nuisances, base.point.theta, _told_sd(base), last.point.theta, _told_sd(last))
+        for n, b, d, x, s in zip(
+            problem.nuisances, base.point.theta, _interval_sd(base), last.point.theta, _interval_sd(last)
+        )
     ]
     out.null = dict(tracer.power)
     out.power_d90 = out.null.pop("d90", {})
     if decision.verdict in ("none", "noise-model"):
         out.null["limits"] = {k: v for r in tracer.ranked.values() for k, v in limits(r, tracer.laws).items()}
     out.next_experiment = tracer.experiments
-    out.discovery = discovery(tracer, out) if found is not None else {}
+    out.discovery = discovery(tracer, out) if search is not None else {}
     if decision.verdict == "unexplained":
         out.unexplained = unexplained(tracer, out)
     out.tables = {"chi2_before": condition_table(base), "chi2_after": condition_table(last)}
-    out.options, out.notes = asdict(tracer.options), [*tracer.notes, *(f.text for f in found)]
+    out.options, out.notes = asdict(tracer.options), [*tracer.notes, *(f.text for f in search)]
     return out

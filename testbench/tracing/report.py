@@ -9,7 +9,7 @@ import json
 from testbench.console.report import folded_html, page_html, picture_html
 from testbench.tracing.fit.causes import AS_GOOD, ODDS
 from testbench.tracing.fit.heldout import FLOOR_FACTOR, REFUSED
-from testbench.tracing.problem.result import plain
+from testbench.tracing.problem.result import plain_value
 from testbench.tracing.verdict import MOST_NUMERICAL
 
 
@@ -28,15 +28,15 @@ def _table(title, items, columns, note=""):
         [number(of(item) if callable(of) else item.get(of), *digits) for _, of, *digits in columns] for item in items
     ]
     body = "".join("<tr>" + "".join(f"<td>{text(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    below = f'<p class="note">{text(note)}</p>' if note else ""
-    return f"<h2>{text(title)}</h2>\n<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{below}"
+    footnote = f'<p class="note">{text(note)}</p>' if note else ""
+    return f"<h2>{text(title)}</h2>\n<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{footnote}"
 
 
 def _interval(ci, digits=4):
     return f"[{number(ci[0], digits)}, {number(ci[1], digits)}]"
 
 
-def _laws(row):
+def _law_text(row):
     return " + ".join(row["laws"])
 
 
@@ -76,18 +76,18 @@ def _heldout(result):
 
 def _models(result):
     columns = (
-        ("laws", lambda m: _laws(m) or "none"), ("P", "p"), ("ln Z", "log_z", 6), ("BIC", "bic", 6),
+        ("laws", lambda m: _law_text(m) or "none"), ("P", "p"), ("ln Z", "log_z", 6), ("BIC", "bic", 6),
         ("refitted", lambda m: "yes" if m["refitted"] else "linear"),
     )  # fmt: skip
     ranked = [m for m in result.models if "failed" not in m]
-    failed = "; ".join(f"{_laws(m)}: {m['failed']}" for m in result.models if "failed" in m)
+    failed = "; ".join(f"{_law_text(m)}: {m['failed']}" for m in result.models if "failed" in m)
     note = f"Never ranked, as the fit failed: {failed}" if failed else ""
     return _table("Explanations", ranked[:10], columns, note)
 
 
 def _causes(result):
     columns = (
-        ("cause", _laws), ("chi2 more", "chi2", 2), ("P", "p"),
+        ("cause", _law_text), ("chi2 more", "chi2", 2), ("P", "p"),
         ("sizes", lambda c: ", ".join(f"{number(e['value'])} {e['unit']}" for e in c["effects"])),
         ("cosine", "cosine"), ("d for 3 sigma apart", "d_to_separate", 3),
     )  # fmt: skip
@@ -95,8 +95,8 @@ def _causes(result):
     return _table("The class of causes", result.causes if len(result.causes) > 1 else (), columns, note)
 
 
-def _rivals(result):
-    columns = (("laws", _laws), ("instead of", "instead_of"), ("V", "vuong", 3))
+def _rivals_table(result):
+    columns = (("laws", _law_text), ("instead of", "instead_of"), ("V", "vuong", 3))
     note = "Nothing is adequate. V: how clearly worse than the listed set (2.3: 1 %)."
     return _table("Not worse for certain", result.rivals, columns, note)
 
@@ -149,13 +149,13 @@ def _nuisances(result):
     return _table("Nuisances", result.nuisances, columns, note)
 
 
-def _power(result):
+def _power_table(result):
     limits = result.null.get("limits", {})
     rows = []
-    for law, found in sorted(result.power_d90.items()):
+    for law, smallest in sorted(result.power_d90.items()):
         bounds = limits.get(law)
         text = _interval((bounds["low"], bounds["high"]), 3) if bounds else ""
-        rows.append(found | {"law": law, "limits": text})
+        rows.append(smallest | {"law": law, "limits": text})
     columns = (
         ("law", "law"), ("d_90", "d", 3), ("value", "value", 3), ("unit", "unit"),
         ("95 % limits if nothing was found", "limits"),
@@ -187,9 +187,9 @@ def html(result, figures):
     parts.append(_numerical(result.certificates.get("numerical") or {}))
     if result.notes:
         parts.append("<ul>" + "".join(f"<li>{escape.escape(n)}</li>" for n in result.notes) + "</ul>")
-    parts += [section(result) for section in (_heldout, _effects, _causes, _rivals, _unphysical)]
+    parts += [section(result) for section in (_heldout, _effects, _causes, _rivals_table, _unphysical)]
     parts += [picture_html(figure, caption) for caption, figure in figures.values()]
-    parts += [section(result) for section in (_next, _models, _alarms, _nuisances, _power)]
+    parts += [section(result) for section in (_next, _models, _alarms, _nuisances, _power_table)]
     for head, data in (
         ("What is known about the rest", result.unexplained),
         ("Discovery", result.discovery),
@@ -197,5 +197,5 @@ def html(result, figures):
         ("Hashes and options", {"hashes": result.hashes, "options": result.options}),
     ):
         if data:
-            parts.append(folded_html(head, json.dumps(plain(data), indent=1, sort_keys=True)))
+            parts.append(folded_html(head, json.dumps(plain_value(data), indent=1, sort_keys=True)))
     return page_html(title, parts)

@@ -10,7 +10,7 @@ import numpy as np
 from testbench.tracing import next_experiment, outcome, verdict
 from testbench.tracing.fit import calibrate as calibration
 from testbench.tracing.fit import discover, heldout, identify, specificity
-from testbench.tracing.fit.causes import class_of
+from testbench.tracing.fit.causes import find_causes
 from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import Signatures, rank
 from testbench.tracing.fit.rivals import CLEAR, open_rivals
@@ -21,7 +21,7 @@ from testbench.tracing.noise.power import Power
 from testbench.tracing.problem.checkpoint import Store
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Failed, Predictor
-from testbench.tracing.problem.problem import all_laws, check, same_laws
+from testbench.tracing.problem.problem import all_laws, check, duplicate_laws
 from testbench.tracing.problem.result import Result
 from testbench.tracing.problem.space import Space
 
@@ -65,21 +65,21 @@ class Tracer:
         self.catalogue = tuple(law.name for law in problem.laws)
         self.library = tuple(law.name for law in problem.library) if options.grammar else ()
         # the same law in other parameters is tried once; laws that cost runs wait for an alarm
-        self.dropped = same_laws(problem, (*self.catalogue, *self.library))
+        self.dropped = duplicate_laws(problem, (*self.catalogue, *self.library))
         self.waiting = self.library if problem.library_late else ()
         # fitted and held-out data share the chance of a false alarm
         self.alpha = options.alpha / 2 if self.held.size else options.alpha
         self.chosen, self.untried, self.imitated = False, 0, 0.0
         self.notes, self.selections, self.rivals, self.causes = list(problem.warnings), [], [], []
 
-    def say(self, text, done=0, total=1):
+    def report_progress(self, text, count=0, total=1):
         self.predictor.text = text
         if self.progress:
-            self.progress(text, done, total)
+            self.progress(text, count, total)
 
     def calibrate(self):
         """Fit without laws; with the noise of the repeats if the declared one is not it."""
-        self.say("calibrating")
+        self.report_progress("calibrating")
         self.base = calibration.calibrate(
             Model(self.space, self.predictor), self.options.starts, self.options.seed, progress=self.progress
         )
@@ -87,8 +87,8 @@ class Tracer:
             return False
         rng = np.random.default_rng([self.options.seed, 4])
         judge = not self.problem.noise_from_repeats
-        self.noise = noise.study([self.space], rng, verdict.LEVEL, judge=judge)
-        self.held_noise = noise.study([self.space, self.held], rng, verdict.LEVEL, judge=judge).loud()
+        self.noise = noise.study_noise([self.space], rng, verdict.LEVEL, judge=judge)
+        self.held_noise = noise.study_noise([self.space, self.held], rng, verdict.LEVEL, judge=judge).loud()
         if self.noise_rejected:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
@@ -102,14 +102,14 @@ class Tracer:
 
     def rank(self, fit, names):
         """`Ranking` of laws that are not in a fit."""
-        return rank(fit, names, self.table.at(fit, names))
+        return rank(fit, names, self.table.signature_columns(fit, names))
 
     def rankings(self, fit):
         """{"catalogue": .., "library": ..} of the laws that are not in a fit."""
         out = {}
         for label, names in (("catalogue", self.catalogue), ("library", self.library)):
-            known = {*fit.model.names, *self.dropped, *self.waiting}
-            names = tuple(n for n in names if n not in known)
+            excluded = {*fit.model.names, *self.dropped, *self.waiting}
+            names = tuple(n for n in names if n not in excluded)
             if names:
                 out[label] = self.rank(fit, names)
         return out
@@ -126,15 +126,15 @@ class Tracer:
         """
         wanted = max(self.options.n_null, int(np.ceil(RANKS / alpha)) - 1)
         draws = max(FEWEST_DRAWS, min(wanted, ROWS_OF_DRAWS // max(self.space.size, 1)))
-        return alarms(self.store, fit, rankings, self.known_noise(), draws, self.options.seed)
+        return alarms(self.store, fit, rankings, self.space_noise(), draws, self.options.seed)
 
-    def known_noise(self):
+    def space_noise(self):
         """Octaves in units of the space in use."""
         return self.noise.refined() if self.noise_rejected else self.noise
 
     def adequate(self, fit):
         """Alarms again with the effects added, and the held-out test."""
-        self.say(f"checking {' + '.join(fit.model.names)}")
+        self.report_progress(f"checking {' + '.join(fit.model.names)}")
         found = self.alarm(fit, self.rankings(fit), heldout.REFUSED)
         p = verdict.correct_p(found.p_deterministic, self.options.looks)
         ok, why = self.passes(fit)
@@ -144,63 +144,65 @@ class Tracer:
         """(held-out chi2 within its band and no held-out rms above the floor?, why); True without held-out groups."""
         if not self.held.size:
             return True, {}
-        judged = self.judged({"after": fit})
-        above = heldout.above_floor(judged.rows)
+        judged = self.heldout_result({"after": fit})
+        above = heldout.exceeded_floors(judged.rows)
         why = {"heldout_chi2": judged.chi2.get("after"), "heldout_limit": judged.limit, "heldout_above_floor": above}
         return not judged.failed and judged.chi2["after"] <= judged.limit and not above, why
 
-    def judged(self, fits):
+    def heldout_result(self, fits):
         """`heldout.HeldOut` of {label: Fit}."""
         by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise_rejected
-        return heldout.judge(self.problem, self.held, self.predictor, fits, by, seed, declared, self.held_noise)
+        return heldout.evaluate_heldout(
+            self.problem, self.held, self.predictor, fits, by, seed, declared, self.held_noise
+        )
 
     def search(self):
         """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""
         tried = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
         self.pool = self.rank(self.base.fit, tried)
         work = self.work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
-        found = work.run(self.pool, self.options.max_laws)
-        if not found.adequate and self.library:
-            self.say("discovering")
+        result = work.run(self.pool, self.options.max_laws)
+        if not result.adequate and self.library:
+            self.report_progress("discovering")
             self.selections = discover.discover(self.problem, self.base.fit, self.pool, self.options.seed)
-            found = work.run(self.pool, self.options.max_laws, discover.proposals(self.selections))
-        found = self.prune(self.supported(found))
+            result = work.run(self.pool, self.options.max_laws, discover.proposals(self.selections))
+        result = self.prune(self.supported(result))
         self.posterior, self.priors = work.posterior(), work.priors
-        self.rivals = [] if found.adequate else open_rivals(found)
-        return found
+        self.rivals = [] if result.adequate else open_rivals(result)
+        return result
 
-    def supported(self, found):
+    def supported(self, result):
         """Where the best set is not adequate: the set that fitted and held-out data together support most.
 
         Held-out data have chosen that set, and cannot judge it as data that took no part: see `verdict.with_search`.
         """
-        known = [n for n, c in self.work.candidates.items() if n and c.refitted]
-        if found.adequate or not self.held.size or not known:
-            return found
-        best = max(known, key=lambda n: (self.work.score(n) - self.heldout_chi2(n) / 2, n))
-        self.chosen = best != found.best
-        return found._replace(best=best, adequate=self.work.is_adequate(best))
+        refitted = [n for n, c in self.work.candidates.items() if n and c.refitted]
+        if result.adequate or not self.held.size or not refitted:
+            return result
+        best = max(refitted, key=lambda n: (self.work.score(n) - self.heldout_chi2(n) / 2, n))
+        self.chosen = best != result.best
+        return result._replace(best=best, adequate=self.work.is_adequate(best))
 
-    def prune(self, found):
+    def prune(self, result):
         """Drop laws of the best set that held-out data do not bear out, the worst first.
 
         Without a law chi2 of the held-out groups must be higher; by PARTIAL where others are beside it, or missing.
         """
-        names, pruned = found.best, []
+        names, pruned = result.best, []
         while names and self.held.size:
             less = [tuple(n for n in names if n != law) for law in names]
             chi2 = {n: self.heldout_chi2(n) for n in less}
             worst = min(less, key=chi2.get)
-            alone = len(names) == 1 and self.work.is_adequate(names)
-            if chi2[worst] - self.heldout_chi2(names) >= (0.0 if alone else PARTIAL):
+            sufficient = len(names) == 1 and self.work.is_adequate(names)
+            if chi2[worst] - self.heldout_chi2(names) >= (0.0 if sufficient else PARTIAL):
                 break
             pruned += [law for law in names if law not in worst]
             names = worst
         if pruned:
             self.notes.append(f"not borne out by held-out data: {', '.join(pruned)}")
         adequate = bool(names) and self.work.is_adequate(names)
-        best = {"best": names, "adequate": adequate, "dropped": () if names else found.best}
-        return self.work.result(found.pool)._replace(**best)
+        best = {"best": names, "adequate": adequate, "dropped": () if names else result.best}
+        return self.work.result(result.pool)._replace(**best)
 
     def heldout_chi2(self, names):
         """chi2 of the held-out groups with a set of laws; infinite where it cannot be refitted or predicted."""
@@ -220,15 +222,19 @@ class Tracer:
             return
         best, none = (self.found.candidates[names] for names in (self.found.best, ()))
         fitted = best.log_z + log_prior(best.names, self.priors) - none.log_z
-        held, said = self.heldout.log_odds, " + ".join(best.names)
+        heldout_odds, laws_text = self.heldout.log_odds, " + ".join(best.names)
         harmed = heldout.worse(self.heldout)
         if harmed:
-            self.notes.append(f"{said}: held-out error is larger with it: {', '.join(harmed)}")
-        if harmed or fitted + held < -np.log(self.options.alpha) or (held < 0.0 and not self.found.adequate):
-            self.notes.append(f"{said}: ln odds {fitted:.1f} where fitted, {held:.1f} where held out")
+            self.notes.append(f"{laws_text}: held-out error is larger with it: {', '.join(harmed)}")
+        if (
+            harmed
+            or fitted + heldout_odds < -np.log(self.options.alpha)
+            or (heldout_odds < 0.0 and not self.found.adequate)
+        ):
+            self.notes.append(f"{laws_text}: ln odds {fitted:.1f} where fitted, {heldout_odds:.1f} where held out")
             self.found = self.found._replace(best=(), adequate=False, dropped=best.names)
             self.rivals = []
-            self.judge()
+            self.compare_heldout()
 
     def classify(self):
         """Causes that the data do not tell from an adequate set, that one first; none where such sets say nothing."""
@@ -237,16 +243,16 @@ class Tracer:
         if len(self.found.best) > 1:
             self.imitated = self.specific(self.found.best)
         if self.imitated <= verdict.MOST_IMITATED:
-            self.say("causes that do as well")
-            found = class_of(self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0])
-            self.causes, self.untried = found
+            self.report_progress("causes that do as well")
+            causes_untried = find_causes(self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0])
+            self.causes, self.untried = causes_untried
         self.posterior = self.work.posterior()
 
     def specific(self, best):
         """Share of the laws of the pool that sets as large as `best` imitate at its size: `specificity.imitated`."""
         names = [n for n in self.pool.names if n not in self.pool.hidden]
         d = np.sqrt(max(0.0, self.base.fit.cost - self.found.fit(best).cost))
-        least = specificity.seen(len(names), verdict.LEVEL)
+        least = specificity.detection_limit(len(names), verdict.LEVEL)
         return specificity.imitated(self.pool, names, len(best), d, least, verdict.MINOR)
 
     def run(self):
@@ -256,19 +262,19 @@ class Tracer:
     def decide(self):
         """Calibrate, alarm, search, judge. A `Result` where nothing of it can be done, None else."""
         problem, options = self.problem, self.options
-        known = {"hashes": dict(problem.hashes), "options": asdict(options), "notes": self.notes}
+        common = {"hashes": dict(problem.hashes), "options": asdict(options), "notes": self.notes}
         if problem.firmware:
-            return Result(problem.name, "firmware", str(problem.firmware), **known)
+            return Result(problem.name, "firmware", str(problem.firmware), **common)
         if not self.calibrate():
-            said = f"the model cannot be calibrated: {self.base.fit.failed}"
-            known["certificates"] = {"calibration": self.base.certificate}
-            return Result(problem.name, "unexplained", said, **known)
+            sentence = f"the model cannot be calibrated: {self.base.fit.failed}"
+            common["certificates"] = {"calibration": self.base.certificate}
+            return Result(problem.name, "unexplained", sentence, **common)
         alarm = self.detect()
         self.found, self.posterior = None, ([()], [1.0])
-        self.decision = verdict.without_tracing(alarm, self.alarms, self.noise, self.p)
+        self.decision = verdict.decide_untraced(alarm, self.alarms, self.noise, self.p)
         if self.decision is None:
             self.found = self.search()
-        self.judge()
+        self.compare_heldout()
         self.decision = verdict.with_heldout(self.decision, self.heldout, self.alpha, options.looks)
         self.weigh()
         return None
@@ -278,12 +284,12 @@ class Tracer:
 
         Laws that cost runs wait for an alarm without them that is in DOUBT; one with them takes its place.
         """
-        self.say("ranking laws")
+        self.report_progress("ranking laws")
         self.ranked = self.rankings(self.base.fit)
-        self.say("alarms")
+        self.report_progress("alarms")
         self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
         if self.waiting and self.alarms.p_deterministic < max(DOUBT, self.alpha):
-            self.say("laws beyond the catalogue")
+            self.report_progress("laws beyond the catalogue")
             self.waiting = ()
             self.ranked = self.rankings(self.base.fit)
             self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
@@ -302,20 +308,20 @@ class Tracer:
         options, fit = self.options, self.base.fit
         self.power, self.experiments = {}, []
         if options.power:
-            self.say("power")
+            self.report_progress("power")
             level = 1 - (1 - self.alpha) ** (1 / options.looks)
-            power = Power(fit, self.alarms, self.known_noise(), self.ranked, self.laws, level, options.seed)
+            power = Power(fit, self.alarms, self.space_noise(), self.ranked, self.laws, level, options.seed)
             smallest = power.smallest()
-            self.power = {"d90": smallest, "null": power.null_rate(), "check": power.checked(smallest)}
+            self.power = {"d90": smallest, "null": power.null_rate(), "check": power.check_detection(smallest)}
         if options.experiments and self.causes:
-            self.say("next experiment")
+            self.report_progress("next experiment")
             rivals = [c.fit for c in self.causes]
             if len(rivals) < 2:
                 names = (n for n in self.posterior[0] if n and not set(self.found.best) <= set(n))
                 rivals += [c.fit for n in names if (c := self.found.candidates[n]).refitted] or [self.base.fit]
             laws = sorted({name for cause in self.causes for name in cause.names})
             offered = self.problem.experiments(laws) if len(self.causes) > 1 else None
-            count = outcome.rivals_kept(self)
+            count = outcome.rival_count(self)
             self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
 
     def arrived(self):
@@ -323,7 +329,7 @@ class Tracer:
         fit = self.fits["after"]
         return fit.point.theta, fit.model.effects(fit.point)
 
-    def judge(self):
+    def compare_heldout(self):
         """Held-out error of the calibrated model, of the best law alone, and of the best set."""
         fits = {"before": self.base.fit}
         best = self.found.best if self.found else ()
@@ -333,9 +339,9 @@ class Tracer:
         fits["after"] = self.found.fit(best) if best else self.base.fit
         self.fits = fits
         if self.held.size:
-            self.heldout = self.judged(fits)
+            self.heldout = self.heldout_result(fits)
         else:
-            self.heldout = heldout.HeldOut({}, {}, float("inf"), failed="no segment with the role validate")
+            self.heldout = heldout.HeldoutResult({}, {}, float("inf"), failed="no segment with the role validate")
 
 
 def trace(problem, options=None, progress=None, checkpoint=None):

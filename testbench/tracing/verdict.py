@@ -54,21 +54,23 @@ def free_d(fit, identifiability):
     n, loose = len(fit.point.theta), unseen(identifiability)
     out = {}
     for i, law in enumerate(fit.model.laws):
-        others = np.delete(fit.jacobian, n + i, axis=1)
-        below = np.delete(fit.model.prior_columns(), n + i, axis=1)
+        other_columns = np.delete(fit.jacobian, n + i, axis=1)
+        prior_columns = np.delete(fit.model.prior_columns(), n + i, axis=1)
         if loose.shape[1]:
-            others = np.concatenate([others, fit.jacobian[:, :n] @ loose], axis=1)
-            below = np.concatenate([below, np.zeros((len(below), loose.shape[1]))], axis=1)
+            other_columns = np.concatenate([other_columns, fit.jacobian[:, :n] @ loose], axis=1)
+            prior_columns = np.concatenate([prior_columns, np.zeros((len(prior_columns), loose.shape[1]))], axis=1)
         s = fit.jacobian[:, n + i : n + i + 1]
-        out[law.name] = float(np.linalg.norm(Projection(others, below).full(s)) * abs(fit.point.c[i]))
+        out[law.name] = float(
+            np.linalg.norm(Projection(other_columns, prior_columns).project_all(s)) * abs(fit.point.c[i])
+        )
     return out
 
 
 def strayed(fit):
     """Notes on nuisances that the data have moved by more than FAR of the deviations that noise and prior allow."""
-    out, known, moved = [], fit.model.priors, np.abs(fit.model.prior_rows(fit.point))
-    allowed = np.sqrt(np.maximum(1 - (fit.sd[known] / fit.model.sd[known]) ** 2, MOVED**2))
-    for j in known[moved > FAR * allowed]:
+    out, priors, pulls = [], fit.model.priors, np.abs(fit.model.prior_rows(fit.point))
+    allowed = np.sqrt(np.maximum(1 - (fit.sd[priors] / fit.model.sd[priors]) ** 2, MOVED**2))
+    for j in priors[pulls > FAR * allowed]:
         nuisance, value = fit.model.problem.nuisances[j], fit.point.theta[j]
         unit = nuisance.unit if nuisance.unit != "1" else ""
         away = abs(value - nuisance.value) / nuisance.prior_sd
@@ -83,7 +85,7 @@ def corrections(fit):
     return [law.name for law, size in zip(fit.model.laws, d) if size < MINOR * d.max()]
 
 
-def blocks(problem, converged):
+def naming_obstacle(problem, converged):
     """Why nothing may be named: "before" is not certified, or the engine's own error is too large; "" if neither."""
     if not converged:
         return "the calibration has not converged"
@@ -96,25 +98,25 @@ def blocks(problem, converged):
     return ""
 
 
-def unsupported(problem, fit):
+def unsupported_law(problem, fit):
     """Why a law of a fit is not named, however well it fits: data cannot support it, or show too little; "" if not."""
     n = len(fit.point.theta)
     for law, d in zip(fit.model.laws, np.abs(fit.point.c) / fit.sd[n:]):
-        if why := problem.unsupported(law.name):
+        if why := problem.unsupported_reason(law.name):
             return why
         if d < problem.least_d:
             return f"{d:.2g} sigmas of {law.name} are left beside the priors, {problem.least_d:g} needed"
     return ""
 
 
-def correct_p(p, looks):
+def correct_p(p, n_traces):
     """Sidak: p of the smallest of `looks` such p."""
-    return float(-np.expm1(looks * np.log1p(-min(p, 1 - 1e-15)))) if looks > 1 else float(p)
+    return float(-np.expm1(n_traces * np.log1p(-min(p, 1 - 1e-15)))) if n_traces > 1 else float(p)
 
 
-def without_tracing(found, alarms, noise, p):
+def decide_untraced(has_misfit, alarms, noise, p):
     """`Decision` when nothing deterministic was found; None if tracing must go on."""
-    if found:
+    if has_misfit:
         return None
     declared = alarms.declared.p_global
     if noise.octaves and (noise.p < LEVEL or declared < LEVEL):
@@ -132,28 +134,28 @@ def without_tracing(found, alarms, noise, p):
     return Decision("none", f"no misfit beyond the noise (p = {p:.2g})")
 
 
-def with_heldout(decision, judged, alpha, looks):
+def with_heldout(decision, heldout, alpha, n_traces):
     """`Decision` "none" stays only if data that no fit has seen agree with the calibrated model; others as they are."""
-    p = correct_p(judged.p, looks)
+    p = correct_p(heldout.p, n_traces)
     if decision is None or decision.verdict != "none" or p >= alpha:
         return decision
-    last = judged.chi2.get("after")
-    seen = judged.failed if last is None else f"chi2 / rows {last:.3g}, limit {judged.limit:.3g}, p = {p:.2g}"
+    last = heldout.chi2.get("after")
+    seen = heldout.failed if last is None else f"chi2 / rows {last:.3g}, limit {heldout.limit:.3g}, p = {p:.2g}"
     return Decision("unexplained", f"no alarm where fitted, but held-out data disagree ({seen}): something is missing")
 
 
-def with_search(found, causes, free, evidence, blocked):
+def with_search(result, causes, free, evidence, blocked):
     """`Decision` after the search.
 
     causes    `causes.Cause`s that do as well as each other;   free  `free_d` of the best set
     evidence  `Evidence`;   blocked  why nothing may be named whatever is found; "" if nothing is in the way
     """
-    best, said, doubtful = found.best, " + ".join(found.best or found.dropped), evidence.doubtful
-    if said and doubtful and evidence.heldout and not evidence.confirmed:
-        return Decision("noise-model", f"{doubtful}, and {said} is not confirmed by held-out data")
-    if found.dropped:
+    best, laws_text, doubtful = result.best, " + ".join(result.best or result.dropped), evidence.doubtful
+    if laws_text and doubtful and evidence.heldout and not evidence.confirmed:
+        return Decision("noise-model", f"{doubtful}, and {laws_text} is not confirmed by held-out data")
+    if result.dropped:
         return Decision(
-            "unexplained", f"something is missing; {said} fits best, but all data together do not bear it out"
+            "unexplained", f"something is missing; {laws_text} fits best, but all data together do not bear it out"
         )
     if not best:
         what = (
@@ -161,29 +163,33 @@ def with_search(found, causes, free, evidence, blocked):
         )
         return Decision("unexplained", f"{what}, and no law that was tried explains it")
     if blocked:
-        return Decision("unexplained", f"{blocked}: {said} explains a part, and is not named")
-    if not found.adequate:
-        return Decision("unexplained", f"{said} explains a part; the rest is not explained by the laws tried")
-    minor = corrections(found.fit(best))
+        return Decision("unexplained", f"{blocked}: {laws_text} explains a part, and is not named")
+    if not result.adequate:
+        return Decision("unexplained", f"{laws_text} explains a part; the rest is not explained by the laws tried")
+    minor = corrections(result.fit(best))
     if minor:
         what = f"{', '.join(minor)} may only correct the shape of a law outside"
-        return Decision("unexplained", f"{said} explains a part: {what}")
+        return Decision("unexplained", f"{laws_text} explains a part: {what}")
     if evidence.chosen:
         what = "held-out data chose it where the set that fits best is refused"
-        return Decision("unexplained", f"{said} explains it, but {what}: nothing confirms it")
+        return Decision("unexplained", f"{laws_text} explains it, but {what}: nothing confirms it")
     if evidence.imitated > MOST_IMITATED:
         what = f"sets of {len(best)} laws imitate {evidence.imitated:.0%} of the laws that are left out"
-        return Decision("unexplained", f"{said} explains it, but at this size {what}: none is named")
+        return Decision("unexplained", f"{laws_text} explains it, but at this size {what}: none is named")
     if evidence.untried:
-        left = f"{evidence.untried} sets of laws that come as near were not tried"
-        return Decision("unexplained", f"{said} explains it, but {left}: its class may be incomplete, none is named")
+        gap = f"{evidence.untried} sets of laws that come as near were not tried"
+        return Decision(
+            "unexplained", f"{laws_text} explains it, but {gap}: its class may be incomplete, none is named"
+        )
     if evidence.unsupported:
-        return Decision("unexplained", f"{said} explains it, but {evidence.unsupported}: it is not named")
+        return Decision("unexplained", f"{laws_text} explains it, but {evidence.unsupported}: it is not named")
     if evidence.heldout and evidence.independent and evidence.held_odds < LEAST_HELD:
         what = f"ln odds {evidence.held_odds:.2g} by held-out data, {LEAST_HELD:g} needed"
-        return Decision("unexplained", f"{said} explains it, but nothing confirms it ({what}): it is not named")
+        return Decision("unexplained", f"{laws_text} explains it, but nothing confirms it ({what}): it is not named")
     if len(causes) > MOST:
-        return Decision("unexplained", f"{said} explains it, and so do {MOST} other causes or more: no class is named")
+        return Decision(
+            "unexplained", f"{laws_text} explains it, and so do {MOST} other causes or more: no class is named"
+        )
     names = " or ".join(" + ".join(c.names) for c in causes)
     gauge = [law for law in best if free[law] < LEAST_FREE_D]
     more = f"; {', '.join(gauge)}: confounded with nuisances that only their priors hold" if gauge else ""
@@ -194,4 +200,6 @@ def with_search(found, causes, free, evidence, blocked):
     if gauge or len(causes) > 1:
         alike = ": these data do not tell them apart" if len(causes) > 1 else ""
         return Decision("confounded", f"explained by {names}{alike}{more}")
-    return Decision("named", f"explained by {said}, and by none of the other {len(found.pool) - len(best)} laws tried")
+    return Decision(
+        "named", f"explained by {laws_text}, and by none of the other {len(result.pool) - len(best)} laws tried"
+    )

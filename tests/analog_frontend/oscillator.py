@@ -48,7 +48,7 @@ def design(seed=0, ppm=0.0, jitter_rms_s=0.0, carrier_ppm=20.0, master_hz=26e6, 
 @inlined
 def edge_error_s(p, edge):
     """How late master edge `edge` is (s); exactly 0.0 without jitter. Within +-3.47 rms."""
-    return noise.white(p.jitter, edge)
+    return noise.white_sample(p.jitter, edge)
 
 
 def image_beat_hz(p, image=8):

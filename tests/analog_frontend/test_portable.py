@@ -36,7 +36,7 @@ def play(fx, osc, cv, demods, conv, z, caps, clock, sums, out, sensor, ticks, lo
         z[7] = 0.9976 * z[7] - 0.0691 * x
         z[2] = 3e5 * z[7]
         v1, d1 = 5e5 * z[6], 3.5e10 * z[7]
-        _, n = effects.cv_volts(fx, 0.0, noise.held(cv, k), before, z[2])
+        _, n = effects.cv_volts(fx, 0.0, noise.hold_sample(cv, k), before, z[2])
         mean = 0.5 * (value + v1)
         p1, p2, p3 = 6.29e-4 * mean, 1.98e-7 * mean, 4.15e-11 * mean
         tau = 0.5e-6 + oscillator.edge_error_s(osc, 26 * k + 13)
@@ -45,10 +45,10 @@ def play(fx, osc, cv, demods, conv, z, caps, clock, sums, out, sensor, ticks, lo
                 refs = refs ^ (1 << d)
                 sid.edge(demods, caps, d, (refs >> d) & 1, tau, n, p1, p2, p3, value, slope, v1, d1)
             else:
-                sid.full(demods, caps, d, (refs >> d) & 1, n, p1, p2, p3)
+                sid.follow_tick(demods, caps, d, (refs >> d) & 1, n, p1, p2, p3)
             out[d] = out[4 + d]
             out[4 + d] = sid.output(caps, d)
-        ready = adc.block(conv, clock, sums, out, 1, sensor)
+        ready = adc.convert_block(conv, clock, sums, out, 1, sensor)
         if ready >= 0:
             log[rows, 0] = 26 * k + ready
             for c in range(5):

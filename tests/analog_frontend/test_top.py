@@ -145,7 +145,7 @@ def demodulated(p, s, frames, half_period_clocks, edges, out):
                 count += 1
             quarter += 1
             after = int(np.ceil(0.5 * quarter * half_period_clocks))
-        units.block(p, s, 125 * n, 125, -1, -1, count, edges)
+        units.advance_ticks(p, s, 125 * n, 125, -1, -1, count, edges)
         for d in range(4):
             out[d, n] = s.caps[d, 2] - s.caps[d, 5]
 

@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from fpga_model.fixed import Fmt
 
 
@@ -38,5 +38,7 @@ def uncompiled(monkeypatch, *modules):
     """Leave the functions of modules in Python: what they call may be anything."""
     for module in modules:
         for name, function in list(vars(module).items()):
-            if getattr(python_of(function), "__module__", None) == module.__name__ and not isinstance(function, type):
-                monkeypatch.setattr(module, name, python_of(function))
+            if getattr(python_function(function), "__module__", None) == module.__name__ and not isinstance(
+                function, type
+            ):
+                monkeypatch.setattr(module, name, python_function(function))

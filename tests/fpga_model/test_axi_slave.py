@@ -8,15 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpga_model import axi_slave
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from tests import naive
 from tests.fpga_model import axi_host
 from tests.fpga_model.records import assert_rows, rows
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "blocks" / "axi_slave.md"
 INPUTS = tuple(axi_slave.BLOCK.inputs)
-STEP = python_of(axi_slave.step)
-ADDRESS, WRITE, FETCH, DONE = (python_of(getattr(axi_slave, name)) for name in ("address", "write", "fetch", "done"))
+STEP = python_function(axi_slave.step)
+ADDRESS, WRITE, FETCH, DONE = (
+    python_function(getattr(axi_slave, name)) for name in ("address", "write", "fetch", "done")
+)
 OKAY, SLVERR = 0, 2
 SLOTS = 512
 

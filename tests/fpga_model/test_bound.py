@@ -49,7 +49,7 @@ from testbench.engines import frame
 from testbench.run.simulation import Simulation
 sim = Simulation(Config(), 25.0, 25.0, engine="frame")
 sim.advance(2_000, 0.0, 25.0)
-print(sim.columns()["adc_temperature"][-1], sum(frame.blocks.stats.cache_hits.values()))
+print(sim.columns()["adc_temperature"][-1], sum(frame.run_blocks.stats.cache_hits.values()))
 """
 
 
@@ -91,11 +91,11 @@ def test_functions_may_be_compiled_while_the_compiled_ones_are_compared(monkeypa
     """As lanes in other threads do."""
     monkeypatch.setattr(bound, "_compiled", {})
     bound.compiled(two)
-    own = bound._own
+    own = bound._digest_function
 
     def slow(function):
         bound._compiled[lambda: 0] = None
         return own(function)
 
-    monkeypatch.setattr(bound, "_own", slow)
+    monkeypatch.setattr(bound, "_digest_function", slow)
     assert bound.replaced() == []

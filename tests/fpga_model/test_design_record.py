@@ -46,15 +46,15 @@ def test_formats_of_a_design(d):
 def test_table_of_a_design_holds_its_formats(d):
     base, slope = sine.tables(d)
     assert len(base) == len(slope) == 1 << d.sine_address_bits
-    assert max(base) <= sine.BASE.at(d).hi
-    assert max(slope) <= sine.SLOPE.at(d).hi, "the first row rises most"
-    assert base[-1] / 64 + slope[-1] / 32 <= sine.OUT.at(d).hi + 1 / 32
+    assert max(base) <= sine.BASE.for_design(d).hi
+    assert max(slope) <= sine.SLOPE.for_design(d).hi, "the first row rises most"
+    assert base[-1] / 64 + slope[-1] / 32 <= sine.OUT.for_design(d).hi + 1 / 32
 
 
 @given(DESIGNS, st.integers(0, 2**48 - 1))
 def test_sine_of_a_design_is_the_sine(d, turn):
     phase = turn >> (48 - d.dds_bits)
-    y = sine.at(d, sine.table(d), phase)
+    y = sine.phase_sine(d, sine.table(d), phase)
     exact = (2 ** (d.sine_bits - 1) - 1) * _sin(phase / 2**d.dds_bits)
     rows = 2**d.sine_address_bits
     chord = 2 ** (d.sine_bits - 1) * (1.5708 / rows) ** 2 / 8
@@ -80,15 +80,15 @@ def test_widths_keep_their_rule_through_sums():
     a = design_record.width("dds_bits")
     d = DEFAULT._replace(dds_bits=20)
     for found, default, other in ((a + 2, 50, 22), (2 + a, 50, 22), (a - 8, 40, 12), (60 - a, 12, 40), (-a, -48, -20)):
-        assert (found, found.at(d)) == (default, other)
+        assert (found, found.for_design(d)) == (default, other)
     assert isinstance(most(a, 30), Width)
-    assert (most(a, 30), most(a, 30).at(d), most(3, 4)) == (48, 30, 4)
+    assert (most(a, 30), most(a, 30).for_design(d), most(3, 4)) == (48, 30, 4)
     x = Fmt(0, 0, a)
-    assert mul_fmt(x, x).at(d) == Fmt(0, 0, 40)
-    assert add_fmt(x, Fmt(1, 3, 30)).at(d) == Fmt(1, 4, 30)
-    assert sub_fmt(x, x).at(d) == Fmt(1, 0, 20)
-    assert x.at(None) == x
-    assert type(x.at(None).f) is int
+    assert mul_fmt(x, x).for_design(d) == Fmt(0, 0, 40)
+    assert add_fmt(x, Fmt(1, 3, 30)).for_design(d) == Fmt(1, 4, 30)
+    assert sub_fmt(x, x).for_design(d) == Fmt(1, 0, 20)
+    assert x.for_design(None) == x
+    assert type(x.for_design(None).f) is int
 
 
 def test_frequencies_outside_the_clock_are_refused():

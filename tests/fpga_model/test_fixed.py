@@ -161,9 +161,9 @@ def test_products_of_different_formats_have_no_bit_to_spare(a, b):
 
 def test_short_names_of_formats():
     assert fixed.bits(5) == (0, 5, 0)
-    assert fixed.signed(24) == (1, 23, 0)
-    assert (fixed.bits(5).width, fixed.signed(24).width) == (5, 24)
-    assert (fixed.signed(24).lo, fixed.signed(24).hi) == (-(2**23), 2**23 - 1)
+    assert fixed.signed_bits(24) == (1, 23, 0)
+    assert (fixed.bits(5).width, fixed.signed_bits(24).width) == (5, 24)
+    assert (fixed.signed_bits(24).lo, fixed.signed_bits(24).hi) == (-(2**23), 2**23 - 1)
     assert str(Fmt(1, -1, 24)) == "[1,-1,24]"
 
 
@@ -202,6 +202,6 @@ def test_quantize_rounds_before_it_checks():
 
 
 def test_quantize_takes_big_integers_and_numpy_scalars():
-    assert fixed.quantize(2**61 - 1, fixed.signed(62)) == 2**61 - 1
-    assert fixed.quantize(np.int64(-5), fixed.signed(4)) == -5
+    assert fixed.quantize(2**61 - 1, fixed.signed_bits(62)) == 2**61 - 1
+    assert fixed.quantize(np.int64(-5), fixed.signed_bits(4)) == -5
     assert fixed.quantize(np.float64(0.375), Fmt(1, 0, 3)) == 3

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpga_model import host_bus, registers, sequencer
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from fpga_model.design_record import DEFAULT
 from tests import naive
 from tests.fpga_model.records import assert_rows, rows
@@ -18,7 +18,7 @@ INPUTS = tuple(host_bus.BLOCK.inputs)
 SAMPLE, ERRORS = 8 * 0x50, 8 * 0x54
 PHASE = 8 * 2
 DEFAULT_PARAMS, NARROW = host_bus.design(), host_bus.design(DEFAULT._replace(dds_bits=32))
-RDATA, STATUS, READY = (python_of(getattr(host_bus, name)) for name in ("rdata", "bus_status", "data_ready"))
+RDATA, STATUS, READY = (python_function(getattr(host_bus, name)) for name in ("rdata", "bus_status", "data_ready"))
 
 
 def row(**given):
@@ -132,7 +132,7 @@ def test_addresses_and_words_are_those_of_the_map():
     two_words = {r.address for r in registers.WRITABLE if r.fmt.width > 32}
     assert {k for k in range(8) if DEFAULT_PARAMS.pairs >> k & 1} == two_words
     assert NARROW.pairs == 0
-    assert host_bus.held_fields() == {
+    assert host_bus.sample_status_fields() == {
         "FLAGS": (0, 8), "STATE": (8, 4), "LOCK": (12, 4), "K": (16, 3), "NEW": (19, 1), "OVERRUN": (20, 1)
     }  # fmt: skip
 

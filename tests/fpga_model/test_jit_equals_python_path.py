@@ -79,8 +79,8 @@ WIDTH = len(names(RESET))
 def step(p, s, word, offset, amplitude, codes):
     """One clock of the chain."""
     r = s.rates
-    load = rates.at(r, spi_dac.LOAD_TICK)
-    at_code = rates.at(r, spi_dac.CODE_TICK)
+    load = rates.tick_enable(r, spi_dac.LOAD_TICK)
+    at_code = rates.tick_enable(r, spi_dac.CODE_TICK)
     y = delay.out(p.pipe, s.pipe, s.sine.y)
     init = 1 if r.frame < 3 else 0
     drive_word = spi_dac.frame(spi_dac.DAC8811, modulator.out(p.drive, s.drive), init)

@@ -84,7 +84,7 @@ def test_of_500_damages_none_is_loaded_and_none_is_unpickled(filled, tmp_path, m
     for _ in range(500):
         for path in filled.iterdir():
             shutil.copy2(path, folder / path.name)
-        (path,) = (p for p in cache.files() if p == cache._file(KINDS[1])[0])
+        (path,) = (p for p in cache.files() if p == cache._kernel_file(KINDS[1])[0])
         others = sorted(p for p in folder.iterdir() if p != path)
         way, changed = damage(path, others, draw)
         if changed:
@@ -100,7 +100,7 @@ def test_of_500_damages_none_is_loaded_and_none_is_unpickled(filled, tmp_path, m
 @pytest.mark.parametrize("mode", [0o620, 0o602])
 def test_a_file_that_others_may_write_is_not_loaded(filled, tmp_path, mode, capsys):
     cache, _ = cache_of(halved, shutil.copytree(filled, tmp_path / "kernels"))
-    cache._file(KINDS[0])[0].chmod(mode)
+    cache._kernel_file(KINDS[0])[0].chmod(mode)
     assert not cache.read(KINDS[0])
     assert "can be written by another user" in capsys.readouterr().err
     assert cache.read(KINDS[1])
@@ -109,7 +109,7 @@ def test_a_file_that_others_may_write_is_not_loaded(filled, tmp_path, mode, caps
 def test_a_link_in_the_place_of_a_file_is_not_followed(filled, tmp_path, capsys):
     (tmp_path / "kernels").mkdir()
     cache, _ = cache_of(halved, tmp_path / "kernels")
-    path = cache._file(KINDS[0])[0]
+    path = cache._kernel_file(KINDS[0])[0]
     path.symlink_to(filled / path.name)
     assert not cache.read(KINDS[0])
     assert "its kernel is compiled again" in capsys.readouterr().err
@@ -201,12 +201,15 @@ def test_a_lock_on_a_full_disk_holds_without_its_text(tmp_path, monkeypatch):
         raise OSError(28, os.strerror(28))
 
     monkeypatch.setattr(os, "write", full)
-    with shared_files.try_lock(tmp_path / "lock"), pytest.raises(shared_files.Held, match=shared_files.UNKNOWN):
+    with shared_files.try_lock(tmp_path / "lock"), pytest.raises(shared_files.LockedError, match=shared_files.UNKNOWN):
         shared_files.try_lock(tmp_path / "lock")
 
 
 def test_who_waits_says_so_after_the_patience_and_not_before(tmp_path, capsys):
-    with shared_files.try_lock(tmp_path / "lock"), pytest.raises(shared_files.Held, match=f"process {os.getpid()} on "):
+    with (
+        shared_files.try_lock(tmp_path / "lock"),
+        pytest.raises(shared_files.LockedError, match=f"process {os.getpid()} on "),
+    ):
         shared_files.try_lock(tmp_path / "lock")
     held = shared_files.try_lock(tmp_path / "lock")
     release = threading.Timer(shared_files.PATIENCE_S + 0.5, held.close)

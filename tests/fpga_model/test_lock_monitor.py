@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import cordic, lock_monitor
-from fpga_model.fixed import signed
+from fpga_model.fixed import signed_bits
 from tests import naive
 from tests.fpga_model.records import assert_rows, raws, rows
 
 PAGE = Path(__file__).parents[2] / "docs" / "blocks" / "lock_monitor.md"
 SMALL = lock_monitor.Params((3000, 100, 200, 300), (6000, 500, 200, 400), (3, 2, 1, 4), (2, 3, 4, 1))
 SETPOINT = 10_000
-CODE = signed(24)
+CODE = signed_bits(24)
 
 near_limits = st.tuples(
     st.sampled_from([0] + [s * v + d for s in (-1, 1) for v in (457, 915) for d in (-1, 0, 1)]),
@@ -22,7 +22,7 @@ near_limits = st.tuples(
     st.sampled_from([0] + [s * v + d for s in (-1, 1) for v in (200,) for d in (-1, 0, 1)]),
     st.sampled_from([0] + [s * v + d for s in (-1, 1) for v in (300, 400) for d in (-1, 0, 1)]),
 )
-anywhere = st.tuples(raws(signed(26)), raws(cordic.PHASE), raws(CODE), raws(CODE))
+anywhere = st.tuples(raws(signed_bits(26)), raws(cordic.PHASE), raws(CODE), raws(CODE))
 edge = st.tuples(
     st.sampled_from([1, 1, 1, 0]),
     st.sampled_from([15, 15, 15, 3, 0, 12, 5]),

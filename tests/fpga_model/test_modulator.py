@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpga_model import modulator
-from fpga_model.fixed import signed
+from fpga_model.fixed import signed_bits
 from fpga_model.jit import kernel
 from testbench.flatten import store
 from tests import naive
@@ -104,7 +104,7 @@ def test_latency_and_frames():
 
 @kernel
 def closed(p, amplitude, y):
-    return modulator.at(p, amplitude, y)
+    return modulator.dac_code(p, amplitude, y)
 
 
 @given(designs, raws(A), raws(S))
@@ -126,5 +126,5 @@ def test_design_refuses_what_does_not_exist(code_bits, frames):
 
 
 def test_code_formats():
-    assert signed(20) == modulator.CODE
+    assert signed_bits(20) == modulator.CODE
     assert modulator.PRODUCT.width + 1 <= 63

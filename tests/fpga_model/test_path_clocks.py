@@ -3,22 +3,22 @@
 import pytest
 
 from fpga_model import delay, path_clocks, spi_dac
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from fpga_model.design_record import DEFAULT
 
 
 def test_none_is_none():
     assert path_clocks.design(3) is None
-    assert python_of(path_clocks.pipes)(delay.design(3), None) == (delay.design(3), delay.design(3))
-    assert python_of(path_clocks.codes)(None) == (spi_dac.CODE_TICK, spi_dac.CODE_TICK)
-    assert python_of(path_clocks.loads)(None) == (spi_dac.LOAD_TICK, spi_dac.LOAD_TICK)
+    assert python_function(path_clocks.pipes)(delay.design(3), None) == (delay.design(3), delay.design(3))
+    assert python_function(path_clocks.codes)(None) == (spi_dac.CODE_TICK, spi_dac.CODE_TICK)
+    assert python_function(path_clocks.loads)(None) == (spi_dac.LOAD_TICK, spi_dac.LOAD_TICK)
 
 
 def test_each_clock_is_where_it_belongs():
     p = path_clocks.design(3, (0, 2), (1, 4))
-    assert python_of(path_clocks.pipes)(delay.design(3), p) == (delay.design(3), delay.design(5))
-    assert python_of(path_clocks.codes)(p) == (2, 5)
-    assert python_of(path_clocks.loads)(p) == (3, 6)
+    assert python_function(path_clocks.pipes)(delay.design(3), p) == (delay.design(3), delay.design(5))
+    assert python_function(path_clocks.codes)(p) == (2, 5)
+    assert python_function(path_clocks.loads)(p) == (3, 6)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def trace(s, go):
     enables = np.empty((len(go), 3), np.int64)
     for n in range(len(go)):
         store(rows[n], s)
-        enables[n, 0], enables[n, 1], enables[n, 2] = rates.ce_1m(s), rates.ce_8k(s), rates.at(s, 2)
+        enables[n, 0], enables[n, 1], enables[n, 2] = rates.ce_1m(s), rates.ce_8k(s), rates.tick_enable(s, 2)
         s = rates.step(DEFAULT, s, int(go[n]))
     store(rows[len(go)], s)
     return rows, enables

@@ -73,7 +73,7 @@ def test_step_is_the_documented_equation(inputs):
 def closed(phases):
     y = np.empty(len(phases), np.int64)
     for n in range(len(phases)):
-        y[n] = sine.at(DEFAULT, sine.ROM, int(phases[n]))
+        y[n] = sine.phase_sine(DEFAULT, sine.ROM, int(phases[n]))
     return y
 
 

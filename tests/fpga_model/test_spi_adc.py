@@ -124,7 +124,11 @@ def test_tail_of_the_part_and_width_of_the_count():
     count = get_type_hints(spi_adc.State)["count"]
     for divider, word_bits, channels, tail in READOUTS:
         most = max(divider // 2 * word_bits, tail) - 1
-        assert most.bit_length() <= count.at(design(divider, word_bits, channels, tail)).width <= most.bit_length() + 1
+        assert (
+            most.bit_length()
+            <= count.for_design(design(divider, word_bits, channels, tail)).width
+            <= most.bit_length() + 1
+        )
 
 
 def test_three_frames_in_a_row_every_register():

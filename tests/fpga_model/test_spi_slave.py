@@ -9,15 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpga_model import spi_slave
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from tests import naive
 from tests.fpga_model import spi_host
 from tests.fpga_model.records import assert_rows, rows
 
 MASTER_MHZ = 26
 SLOTS = 512  # words that an address reaches
-STEP = python_of(spi_slave.step)
-SDO, FETCH, START = (python_of(getattr(spi_slave, name)) for name in ("sdo", "fetch", "start"))
+STEP = python_function(spi_slave.step)
+SDO, FETCH, START = (python_function(getattr(spi_slave, name)) for name in ("sdo", "fetch", "start"))
 
 
 @st.composite
@@ -137,7 +137,7 @@ def test_the_limit_of_sck_is_that_of_the_page():
 
 def test_the_crc_is_the_published_one_and_finds_every_error_of_two_bits_in_the_longest_frame():
     assert naive.crc_j1850("".join(f"{c:08b}" for c in b"123456789")) ^ 255 == 0x4B, "check value of CRC-8/SAE-J1850"
-    divided, left = python_of(spi_slave.divided), spi_slave.CRC_MASK
+    divided, left = python_function(spi_slave.divided), spi_slave.CRC_MASK
     for bit in "".join(f"{c:08b}" for c in b"123456789"):
         left = divided(left, int(bit))
     assert left ^ spi_slave.CRC_MASK == 0x4B

@@ -50,7 +50,7 @@ def places(name):
         elif wire.instance == "pins":
             found.append((wire, top.Pins.__annotations__, wire.port))
         elif function in ("frame", "negated"):
-            target = block.declared()["spi_dac" if function == "frame" else "cordic"]
+            target = block.block_modules()["spi_dac" if function == "frame" else "cordic"]
             found.append((wire, target.BLOCK.functions[function][0], wire.port))
         elif wire.port.startswith("if o.fix"):
             found.append((wire, control.sequencer.Outputs.__annotations__, wire.port.partition(".")[2]))
@@ -78,9 +78,9 @@ def test_every_input_of_every_block_is_a_wire():
             if target is not control:
                 wanted = [*block.inputs(target), *block.parameters(target).items()]
                 assert {(instance, name) for name, _ in wanted} <= ends, instance
-    blocks = {path for path, _ in wiring.within(top.State) if path.count(".") == path.startswith("control.")}
+    blocks = {path for path, _ in wiring.nested_blocks(top.State) if path.count(".") == path.startswith("control.")}
     assert set(wiring.instances()) == blocks - {"control.notch"}
-    whole = wiring.trace(control, whole=True)
+    whole = wiring.trace(control, all_parts=True)
     assert set(whole.instances) - set(wiring.trace(control).instances) == {"notch"}
     ends = {(wire.target, leaf.name) for wire in whole.wires for leaf in wire.signal.leaves}
     assert {("notch.x", "rate_loop.loop.y"), ("rate_output.word", "notch.out"), ("notch.g", "notch.g")} <= ends
@@ -131,7 +131,9 @@ def test_what_a_register_holds_here_is_proven():
     from testbench.golden.ranges import ranges
 
     ((name, fmt),) = rate_loop.BLOCK.holds.items()
-    (found,) = [one for one in ranges.analyse_case("rate_loop", "default").registers if one.name == block.flat(name)]
+    (found,) = [
+        one for one in ranges.analyse_case("rate_loop", "default").registers if one.name == block.port_name(name)
+    ]
     assert fmt.holds(found.proven[0])
     assert fmt.holds(found.proven[1])
     assert not fmt.holds(pi.OUT.hi)
@@ -149,5 +151,5 @@ def test_arithmetic_in_the_wiring_is_refused():
 
 def test_the_frame_takes_every_code():
     """The declared extension of the V_q code loses nothing."""
-    make = block.python_of(spi_dac.frame)
+    make = block.python_function(spi_dac.frame)
     assert [make(spi_dac.DAC82002, code, 0) & 0xFFFF for code in (0, 1, 65535)] == [0, 1, 65535]

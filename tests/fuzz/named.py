@@ -145,12 +145,12 @@ def design(files, folder):
 
 def latency(files, folder):
     """Latencies of a design."""
-    from testbench.golden.foreign import judged
+    from testbench.golden.foreign import comparison_scope
 
     manifest = json.loads((_dds(files) / "manifest.json").read_text())
     ports = {port["name"]: 1 for port in manifest["outputs"]}
-    read = functools.partial(judged.read_latency, folder / "l.toml", manifest, "outputs")
-    return toml_file(folder, "l.toml", {"schema": judged.SCHEMA, "ports": ports}, read)
+    read = functools.partial(comparison_scope.read_latency, folder / "l.toml", manifest, "outputs")
+    return toml_file(folder, "l.toml", {"schema": comparison_scope.SCHEMA, "ports": ports}, read)
 
 
 def bundle(files, folder):
@@ -174,36 +174,36 @@ def bundle(files, folder):
 def store(files, folder):
     """Head, plan, journal and points of a store."""
     from testbench.campaign import shard
-    from testbench.campaign.plan.points import address_of, canonical
+    from testbench.campaign.plan.points import canonical, point_address
     from testbench.campaign.store import Store
 
     shutil.copytree(files / "store", folder / "s")
-    kept = Store.at(folder / "s")
+    kept = Store.open_folder(folder / "s")
     plan = json.loads((folder / "s" / "plans" / "two.json").read_text())
     plan.pop("sha256", None)
     first = kept.addresses()[0]
-    identity, variables = shard.decode(kept.point(first).read_bytes(), "point")
+    identity, variables = shard.decode(kept.point_path(first).read_bytes(), "point")
     (journal,) = (folder / "s" / "journal").iterdir()
     tree = {"head": json.loads((folder / "s" / "store.json").read_text()), "plan": plan, "point": json.loads(identity),
             "event": json.loads(journal.read_text().splitlines()[0])}  # fmt: skip
-    known, named = kept.point(first).read_bytes(), []
+    known, named = kept.point_path(first).read_bytes(), []
 
     def write(changed):
         for path in named:
             path.unlink(missing_ok=True)
         (folder / "s" / "store.json").write_text(json.dumps(changed["head"]))
         text = canonical(changed["point"])
-        named[:] = [kept.point(address_of(text))]
+        named[:] = [kept.point_path(point_address(text))]
         named[0].parent.mkdir(exist_ok=True)
         named[0].write_bytes(known if text == identity else shard.encode(text, variables, plan["keep"]["tau_s"]))
         stated = copy.deepcopy(changed["plan"])
         if isinstance(stated, dict) and isinstance(stated.get("points"), list):
-            stated["points"] = [address_of(text) if one == first else one for one in stated["points"]]
+            stated["points"] = [point_address(text) if one == first else one for one in stated["points"]]
         (folder / "s" / "plans" / "two.json").write_text(canonical(stated))
         journal.write_text(json.dumps(changed["event"]) + "\n")
 
     def again():
-        rerun(folder / "s", address_of(canonical(json.loads(shard.decode(named[0].read_bytes(), "")[0]))))
+        rerun(folder / "s", point_address(canonical(json.loads(shard.decode(named[0].read_bytes(), "")[0]))))
 
     words = [["campaign", word, "s"] for word in ("status", "show", "collect")]
     return Format(tree, write, [*words, ["campaign", "table", "s", "--out", "new.parquet"], again])

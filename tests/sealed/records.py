@@ -21,7 +21,7 @@ from testbench.config import Config, changed, to_toml
 from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_problem, loop_record, loop_runs, loop_trace
 from testbench.measured.record import produce
-from testbench.measured.wide import of_record
+from testbench.measured.wide import record_priors
 from testbench.storage.files import write_text
 from testbench.storage.record import write_record
 from testbench.tracing.trace import Options
@@ -35,11 +35,11 @@ class Tracing:
     """The tracer as a user has it, but for what records share."""
 
     def __init__(self, threads=1):
-        self.bench, self.kept = loop_runs.Bench(threads), loop_problem.Kept()
+        self.bench, self.kept = loop_runs.Bench(threads), loop_problem.LoopCache()
 
     def __call__(self, path, wide=False):
         """`Result` of a record's file, as plain numbers; wide: with the priors of a data sheet."""
-        calibrated = of_record.Calibrated("sheet") if wide else None
+        calibrated = record_priors.Calibrated("sheet") if wide else None
         problem = loop_record.open_record([path], {}, calibrated, self.bench, None if wide else self.kept)
         _, result = loop_trace.run(problem, Options(power=False, experiments=False))
         return result.to_json()

@@ -27,7 +27,7 @@ def played(p, s, drive, sense, edges, counts, rate, code, temp, motion, codes):
         for t in range(125):
             s.work.drive_codes[t] = drive[125 * n + t]
             s.work.sense_codes[t] = sense[125 * n + t]
-        units.block(p, s, 125 * n, 125, 19, 1, counts[n], edges[n])
+        units.advance_ticks(p, s, 125 * n, 125, 19, 1, counts[n], edges[n])
         for k in range(4):
             motion[n, k] = s.z[6 + k]
         for k in range(5):

@@ -17,12 +17,12 @@ from fpga_model import agc
 from testbench import config as configuration
 from testbench.design import drive_loops, frequency_plan
 from testbench.errors import ConfigError
-from testbench.paper.loop import advisor, confirm, parts
+from testbench.paper.loop import advisor, confirm, loop_parameters
 from testbench.paper.loop import loop as loops
 from testbench.run import budget, build, nodes, simulate, tolerances
 from testbench.run.phase_meter import wrap_deg
+from testbench.run.run_statistics import amplitude_m
 from testbench.run.simulation import DEG, FRAME, TRUTH, Simulation
-from testbench.run.tally import amplitude_m
 from testbench.storage import record_read, spool
 from tests.testbench.command import gyro
 
@@ -120,7 +120,7 @@ def word_hz(config, seconds=READ_S):
 
     A step of the word: the loop turns x by what one step answers. Re-timed edges: the plan's.
     """
-    loop, f_hz = drive_loops.frequency_loop(config), parts.parts(config).w_rad_s / (2 * math.pi)
+    loop, f_hz = drive_loops.frequency_loop(config), loop_parameters.loop_parameters(config).w_rad_s / (2 * math.pi)
     turns = build.lsb_hz(config) / (2 * math.pi * config.firmware.pll_crossover_hz)
     return turns / (seconds / 2) + frequency_plan.word_hz(f_hz, seconds, loop, config.design_record())
 
@@ -128,7 +128,7 @@ def word_hz(config, seconds=READ_S):
 def check_rest_and_scale(config):
     """Amplitude, frequency, V_q and scale factor of one board against what is derived from its configuration."""
     lab, known = settled(config), build.nominal(config)
-    p = parts.parts(config)
+    p = loop_parameters.loop_parameters(config)
     closed = loops.close(p)
     drive_hz = p.w_rad_s / (2 * math.pi)
     half_width_hz = drive_hz / (2 * config.plant.qx)
@@ -138,7 +138,7 @@ def check_rest_and_scale(config):
     assert x_m / p.amplitude_m == pytest.approx(1.0, abs=1e-4)
     limit_hz = (PHASE_RAD + slide_rad(p)) * half_width_hz + word_hz(config)
     assert word * build.lsb_hz(config) == pytest.approx(drive_hz, abs=limit_hz)
-    still = loops.rest(closed, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
+    still = loops.steady_state(closed, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
     v_q = quadrature / 2**16 * config.plant.quad_dac_span_v
     assert v_q == pytest.approx(advisor.volts(p, still[loops.U]), abs=5e-3)
     settle_s = 1.5 * simulate.pace(config)
@@ -148,7 +148,7 @@ def check_rest_and_scale(config):
     minus = lab.mean("rate_word", rate_dps=-RATE_DPS)
     assert lab.sim.locked
     scale = (plus - minus) / (2 * RATE_DPS)
-    assert scale / (advisor.rest_gain(closed) * DEG) == pytest.approx(1.0, abs=1e-3)
+    assert scale / (advisor.dc_gain(closed) * DEG) == pytest.approx(1.0, abs=1e-3)
     return lab
 
 
@@ -172,7 +172,7 @@ def test_a_board_states_itself_once(name):
     config = board(name)
     assert config.device() == config.nominal_device()
     assert config.firmware.nominal_frequency_hz == config.nominal.fx_hz
-    assert not config.of_paper
+    assert not config.is_paper_board
 
 
 def test_both_disks_differ_in_the_sign_of_the_split():
@@ -189,12 +189,12 @@ def test_both_disks_differ_in_the_sign_of_the_split():
 def test_the_page_has_the_bandwidth_of_a_board(name):
     row = re.search(rf"\| \[{name}\].*?\| ([\d.]+) Hz \|[^|]*\|\n", (FOLDER / "README.md").read_text())
     digits = len(row[1].partition(".")[2])
-    assert f"{advisor.analyse(parts.parts(board(name))).bandwidth_hz:.{digits}f}" == row[1]
+    assert f"{advisor.analyse(loop_parameters.loop_parameters(board(name))).bandwidth_hz:.{digits}f}" == row[1]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_loops_of_a_board_are_stable(name):
-    advice = advisor.advise(parts.parts(board(name)))
+    advice = advisor.advise(loop_parameters.loop_parameters(board(name)))
     assert advice.stable
     assert advice.gain_margin_up_db > 9.0
     assert advice.peak_db < 1.0
@@ -273,15 +273,15 @@ def test_a_plant_locks_and_rests_where_its_configuration_says(name, number):
 def test_bandwidth_and_peak_of_a_plant_are_those_of_the_linear_loop(name, number):
     """Lines up to twice the bandwidth: within 3 % in frequency and 0.3 dB in the peak."""
     config = drawn(name, number)
-    p = parts.parts(config)
+    p = loop_parameters.loop_parameters(config)
     advice = advisor.analyse(p)
     lines = np.geomspace(0.1, 2.0, 24) * advice.bandwidth_hz
     window_s = round(20 / lines[0]) / 1.0
     rate = confirm.multisine(lines, 0.5, 4.0 * simulate.pace(config), window_s, config.design_record().frame_hz)
-    [run] = confirm.play_run([config], [rate])
+    [run] = confirm.run_profiles([config], [rate])
     assert run.locked
     seen = confirm.measured_response(run, rate, lines, window_s)
-    level = 20 * np.log10(np.abs(seen) / (advisor.rest_gain(loops.close(p)) * DEG))
+    level = 20 * np.log10(np.abs(seen) / (advisor.dc_gain(loops.close(p)) * DEG))
     below = int(np.argmax(level < -3.0103))
     edge = np.interp(3.0103, -level[below - 1 : below + 1], lines[below - 1 : below + 1])
     assert edge == pytest.approx(advice.bandwidth_hz, rel=0.03)
@@ -293,7 +293,7 @@ def slide_deg(config):
 
     The rule names a draw where it is above 0.
     """
-    f_hz = parts.parts(config).w_rad_s / (2 * math.pi)
+    f_hz = loop_parameters.loop_parameters(config).w_rad_s / (2 * math.pi)
     loop = drive_loops.frequency_loop(config)
     bound = frequency_plan.slide_deg(f_hz, simulate.PROBE_S, config.design_record(), loop)
     return bound if bound > PHASE_DEG else 0.0
@@ -326,7 +326,7 @@ def test_phases_of_a_plant_are_those_of_its_budget(name, number):
 def test_the_mean_word_of_a_plant_wanders_within_the_gap_of_its_edges(name, number):
     """Largest error of means over half a second, of three seconds: not beyond the bound, and a fifth of it."""
     config = drawn(name, number)
-    lab, f_hz = settled(config), parts.parts(config).w_rad_s / (2 * math.pi)
+    lab, f_hz = settled(config), loop_parameters.loop_parameters(config).w_rad_s / (2 * math.pi)
     watch = Rows(("frequency_word",), build.lsb_hz(config))
     lab.sim.sinks.append(watch)
     lab.wait(3.0)
@@ -370,7 +370,7 @@ def scale_frequency_loop(sim, share):
 def test_the_frequency_loop_makes_the_edges_of_a_plant_dwell(name, number):
     """Mean lateness of the pin beyond that with the word held: within 3 % of the closed form, and as the page says."""
     config = drawn(name, number)
-    f_hz, loop = parts.parts(config).w_rad_s / (2 * math.pi), drive_loops.frequency_loop(config)
+    f_hz, loop = loop_parameters.loop_parameters(config).w_rad_s / (2 * math.pi), drive_loops.frequency_loop(config)
     slide = frequency_plan.slides(f_hz, config.design_record())[0]
     lab, late_deg, fullest = settled(config), [], []
     for share in SHARES:

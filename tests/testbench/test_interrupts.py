@@ -20,7 +20,7 @@ def strike():
 
 def block(strikes, done):
     """A block with that many strikes, then what it does."""
-    with interrupts.held():
+    with interrupts.defer_interrupts():
         for _ in range(strikes):
             strike()
         done.append(1)

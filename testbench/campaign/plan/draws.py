@@ -15,7 +15,7 @@ import math
 from fractions import Fraction
 from statistics import NormalDist
 
-from testbench.config.toml_text import toml_of
+from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError
 
 ATTEMPTS = 1000
@@ -32,7 +32,7 @@ DRAWN = ("normal", "uniform", "lognormal", "integers")
 MOST_VALUES = 1_000_000  # of an axis
 
 
-def rounded(value):
+def round_value(value):
     """A number to 12 significant digits."""
     return float(f"{value:.12g}")
 
@@ -46,15 +46,15 @@ def uniform(seed, path, k, attempt=0):
 
 def _draw(kind, a, b, u):
     if kind == "normal":
-        return rounded(a + b * NormalDist().inv_cdf(u)) if b else rounded(a)
+        return round_value(a + b * NormalDist().inv_cdf(u)) if b else round_value(a)
     if kind == "uniform":
-        return rounded(a + (b - a) * u)
+        return round_value(a + (b - a) * u)
     if kind == "lognormal":
-        return rounded(a * math.exp(b * NormalDist().inv_cdf(u))) if b else rounded(a)
+        return round_value(a * math.exp(b * NormalDist().inv_cdf(u))) if b else round_value(a)
     return a + int(u * (b - a + 1))
 
 
-def drawn(kind, a, b, seed, path, k, limits=None):
+def draw_value(kind, a, b, seed, path, k, limits=None):
     """Value k of a drawn parameter; None if `limits` were missed `ATTEMPTS` times."""
     for attempt in range(ATTEMPTS):
         value = _draw(kind, a, b, uniform(seed, path, k, attempt))
@@ -75,7 +75,7 @@ class Spec:
         if isinstance(value, dict):
             self._read(value)
         elif not isinstance(value, list):
-            self._fail(f"= {toml_of(value)} is no list of values; forms: {', '.join(FORMS)}")
+            self._fail(f"= {short_toml(value)} is no list of values; forms: {', '.join(FORMS)}")
         elif not value:
             self._fail("= [] has no values; an axis needs one at least")
 
@@ -86,54 +86,58 @@ class Spec:
         forms = [key for key in value if key in FORMS]
         other = [key for key in value if key not in (*FORMS, "limits")]
         if other:
-            self._fail(f"= {toml_of(value)}: {other[0]} is none of {', '.join(FORMS)}, limits")
+            self._fail(f"= {short_toml(value)}: {other[0]} is none of {', '.join(FORMS)}, limits")
         if len(forms) != 1:
-            self._fail(f"= {toml_of(value)}: give one of {', '.join(FORMS)}")
+            self._fail(f"= {short_toml(value)}: give one of {', '.join(FORMS)}")
         self.form = forms[0]
         self.numbers = value[self.form]
-        wanted = (2, 3) if self.form == "range" else (3,) if self.form.endswith("space") else (2,)
-        if not isinstance(self.numbers, list) or len(self.numbers) not in wanted:
-            self._fail(f"= {toml_of(value)} is not of the form {{ {self.form} = {FORMS[self.form]} }}")
-        whole = self.form in ("range", "integers")
+        lengths = (2, 3) if self.form == "range" else (3,) if self.form.endswith("space") else (2,)
+        if not isinstance(self.numbers, list) or len(self.numbers) not in lengths:
+            self._fail(f"= {short_toml(value)} is not of the form {{ {self.form} = {FORMS[self.form]} }}")
+        is_integer = self.form in ("range", "integers")
         for number in self.numbers:
-            self._check_number(number, value, whole)
+            self._check_number(number, value, is_integer)
         self._check_sense(value)
         if "limits" in value:
             self._check_limits(value)
 
-    def _check_number(self, number, value, whole):
-        if isinstance(number, bool) or not isinstance(number, int if whole else (int, float)):
-            self._fail(f"= {toml_of(value)}: {toml_of(number)} is not {'an integer' if whole else 'a number'}")
+    def _check_number(self, number, value, is_integer):
+        if isinstance(number, bool) or not isinstance(number, int if is_integer else (int, float)):
+            self._fail(
+                f"= {short_toml(value)}: {short_toml(number)} is not {'an integer' if is_integer else 'a number'}"
+            )
         if not math.isfinite(number):
-            self._fail(f"= {toml_of(value)}: {toml_of(number)} is not finite")
+            self._fail(f"= {short_toml(value)}: {short_toml(number)} is not finite")
 
     def _check_sense(self, value):
         a, b = self.numbers[:2]
         if self.form.endswith("space"):
             count = self.numbers[2]
             if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
-                self._fail(f"= {toml_of(value)}: the count {toml_of(count)} is not an integer in 1 .. {MOST_VALUES}")
+                self._fail(
+                    f"= {short_toml(value)}: the count {short_toml(count)} is not an integer in 1 .. {MOST_VALUES}"
+                )
             if self.form == "logspace" and not (a > 0 and b > 0):
-                self._fail(f"= {toml_of(value)}: a logarithmic axis needs both ends above 0")
+                self._fail(f"= {short_toml(value)}: a logarithmic axis needs both ends above 0")
         elif self.form == "range":
             step = self.numbers[2] if len(self.numbers) == 3 else 1
             if not range(a, b + (1 if step > 0 else -1), step or 1) or step == 0:
-                self._fail(f"= {toml_of(value)} has no values")
+                self._fail(f"= {short_toml(value)} has no values")
             if abs((b - a) // step) >= MOST_VALUES:
-                self._fail(f"= {toml_of(value)} has more than {MOST_VALUES} values")
+                self._fail(f"= {short_toml(value)} has more than {MOST_VALUES} values")
         elif self.form in ("uniform", "integers") and b < a:
-            self._fail(f"= {toml_of(value)}: low is above high")
+            self._fail(f"= {short_toml(value)}: low is above high")
         elif self.form in ("normal", "lognormal") and b < 0:
-            self._fail(f"= {toml_of(value)}: the spread {b:g} is below 0")
+            self._fail(f"= {short_toml(value)}: the spread {b:g} is below 0")
         if self.form == "lognormal" and a <= 0:
-            self._fail(f"= {toml_of(value)}: the median {a:g} is not above 0")
+            self._fail(f"= {short_toml(value)}: the median {a:g} is not above 0")
 
     def _check_limits(self, value):
         limits = value["limits"]
         if self.form not in DRAWN:
-            self._fail(f"= {toml_of(value)}: limits belong to draws ({', '.join(DRAWN)})")
+            self._fail(f"= {short_toml(value)}: limits belong to draws ({', '.join(DRAWN)})")
         if not isinstance(limits, list) or len(limits) != 2:
-            self._fail(f"= {toml_of(value)}: limits are [low, high]")
+            self._fail(f"= {short_toml(value)}: limits are [low, high]")
         for number in limits:
             self._check_number(number, value, False)
         self.limits = limits
@@ -161,9 +165,11 @@ class Spec:
             return [float(lo + (hi - lo) * k / max(n - 1, 1)) for k in range(n)]
         if self.form == "logspace":
             n = self.numbers[2]
-            inner = [rounded(a * (b / a) ** (k / max(n - 1, 1))) for k in range(n)]
+            inner = [round_value(a * (b / a) ** (k / max(n - 1, 1))) for k in range(n)]
             return [float(a), *inner[1:-1], float(b)] if n > 1 else [float(a)]
-        out = [drawn(self.form, a, b, seed, self.path, k, self.limits) for k in range(count)]
+        out = [draw_value(self.form, a, b, seed, self.path, k, self.limits) for k in range(count)]
         if None in out:
-            self._fail(f"= {self.form} {toml_of(self.numbers)} does not fall within limits {toml_of(self.limits)}")
+            self._fail(
+                f"= {self.form} {short_toml(self.numbers)} does not fall within limits {short_toml(self.limits)}"
+            )
         return out

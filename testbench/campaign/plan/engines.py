@@ -21,7 +21,7 @@ from testbench.errors import ConfigError
 from testbench.storage.sources import code_sha256
 
 
-def _all_together(config):
+def _shared_key(config):
     """Every point may share a call with every other."""
     return ()
 
@@ -36,21 +36,21 @@ class Engine(NamedTuple):
              must be the same
     """
 
-    play: Callable
+    run_points: Callable
     batch: int
     modules: tuple
     prepare: Callable | None = None
-    group: Callable = _all_together
-    twin: str = ""
+    group: Callable = _shared_key
+    equivalent_to: str = ""
 
 
 ENGINES = {
-    "frame": "testbench.campaign.played:FRAME",
-    "clocked": "testbench.campaign.played:CLOCKED",
-    "baseband": "testbench.campaign.played:BASEBAND",
-    "lanes": "testbench.campaign.played:LANES",
+    "frame": "testbench.campaign.builtin_engines:FRAME",
+    "clocked": "testbench.campaign.builtin_engines:CLOCKED",
+    "baseband": "testbench.campaign.builtin_engines:BASEBAND",
+    "lanes": "testbench.campaign.builtin_engines:LANES",
 }
-PLACES = {  # of ours, too; points are kept under the place
+LOCATIONS = {  # of ours, too; points are kept under the place
     "characterise": "testbench.paper.measure.characterise:POINTS",
     "word_lengths": "testbench.study.points:POINTS",
 }
@@ -61,14 +61,14 @@ MEASURES = "testbench.campaign.plan.measure"
 
 def parse_options(texts):
     """{name: place} of texts as of `--engine`, and of `PLACES`."""
-    out = dict(PLACES)
+    out = dict(LOCATIONS)
     for text in texts:
-        found = OPTION.fullmatch(text)
-        if not found:
+        match = OPTION.fullmatch(text)
+        if not match:
             raise ConfigError(f"--engine: {text!r} is not of the form NAME=package.module:OBJECT")
-        if found[1] in ENGINES or found[1] in out:
-            raise ConfigError(f"--engine: {text!r}: the name {found[1]} is taken; choose another one")
-        out[found[1]] = found[2]
+        if match[1] in ENGINES or match[1] in out:
+            raise ConfigError(f"--engine: {text!r}: the name {match[1]} is taken; choose another one")
+        out[match[1]] = match[2]
     return out
 
 
@@ -77,7 +77,7 @@ def _installed():
     return {point.name: f"{point.module}:{point.attr}" for point in points}
 
 
-def find(name, own, where):
+def find(name, extra_engines, where):
     """What `load` takes for the engine that a plan names; nothing is loaded.
 
     own  {name: place}, those of `parse_options`
@@ -86,22 +86,26 @@ def find(name, own, where):
         raise ConfigError(f"{where} = {name!r} is not the name of an engine")
     if name in ENGINES:
         return name
-    places = own if name in own else _installed() | own
-    if name in places:
-        return places[name]
+    locations = extra_engines if name in extra_engines else _installed() | extra_engines
+    if name in locations:
+        return locations[name]
     if ":" in name:
-        named = next((f'"{known}"' for known, place in places.items() if place == name), None)
-        hint = named or f"a name there, and give --engine NAME={name}"
+        quoted_name = next(
+            (f'"{engine_names}"' for engine_names, location in locations.items() if location == name), None
+        )
+        hint = quoted_name or f"a name there, and give --engine NAME={name}"
         raise ConfigError(f"{where} = {name!r}: no file can name code that would run here; write {hint}")
-    known = [*ENGINES, *places]
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}; the option --engine adds one"
+    engine_names = [*ENGINES, *locations]
+    matches = difflib.get_close_matches(name, engine_names, n=1)
+    hint = (
+        f"did you mean {matches[0]}?" if matches else f"known: {', '.join(engine_names)}; the option --engine adds one"
+    )
     raise ConfigError(f"{where} = {name!r} is not an engine; {hint}")
 
 
-def permit(engine, own, where):
+def permit(engine, extra_engines, where):
     """ConfigError unless the engine that a point names is ours, of the option or installed."""
-    if engine not in ENGINES and engine not in own.values() and engine not in _installed().values():
+    if engine not in ENGINES and engine not in extra_engines.values() and engine not in _installed().values():
         raise ConfigError(f"{where}: was made by the engine {engine!r}; --engine NAME={engine} runs it")
 
 
@@ -109,14 +113,14 @@ def load(name):
     """`Engine` of a name of ours, or of a place, which must not come from a file."""
     module, _, attribute = ENGINES.get(name, name).partition(":")
     try:
-        found = getattr(importlib.import_module(module), attribute)
+        engine = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError, ValueError) as problem:
         raise ConfigError(f"engine = {name!r} cannot be loaded: {problem}") from None
-    if not isinstance(found, Engine):
-        raise ConfigError(f"engine = {name!r} is a {type(found).__name__}, not an Engine")
-    return found
+    if not isinstance(engine, Engine):
+        raise ConfigError(f"engine = {name!r} is a {type(engine).__name__}, not an Engine")
+    return engine
 
 
-def code_of(engine):
+def source_hash(engine):
     """Hash of the sources that a point of this engine depends on."""
     return code_sha256(*engine.modules, MEASURES)

@@ -103,10 +103,10 @@ class Keeper:
         self.keep = keep
         self.frame_s = 1 / design.frame_hz
         self.spools = {}
-        wanted = [(frames, name) for name, frames in keep.streams.items()]
-        wanted += [(keep.frames, name) for name in keep.statistics]
-        for frames in sorted({frames for frames, _ in wanted}):
-            self.spools[frames] = Spool(tuple({name for f, name in wanted if f == frames}), frames, design=design)
+        requests = [(frames, name) for name, frames in keep.streams.items()]
+        requests += [(keep.frames, name) for name in keep.statistics]
+        for frames in sorted({frames for frames, _ in requests}):
+            self.spools[frames] = Spool(tuple({name for f, name in requests if f == frames}), frames, design=design)
 
     def add(self, first_frame, frames, truth):
         """Rows of consecutive frames."""
@@ -131,7 +131,7 @@ class Keeper:
 
     def _columns(self, spool):
         """{column: (sums or values, what to divide by, attributes)}."""
-        blocks = list(spool.blocks())
+        blocks = list(spool.row_blocks())
         rows = np.concatenate(blocks) if blocks else np.zeros(0, spool.dtype)
         out = {}
         for stored, field in spool.fields.items():

@@ -21,10 +21,10 @@ from testbench import config as configuration
 from testbench.campaign.plan import engines
 from testbench.campaign.plan.draws import MOST_VALUES, Spec
 from testbench.campaign.plan.measure import STATISTICS, Keep
-from testbench.campaign.plan.points import Point, address_of, identity_of
-from testbench.config.toml_text import toml_of
+from testbench.campaign.plan.points import Point, point_address, point_identity
+from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError, FileError
-from testbench.storage.inputs import opened, read_toml
+from testbench.storage.inputs import open_input, read_toml
 from testbench.storage.spool import FIELDS
 
 MAX_POINTS = 100_000
@@ -65,9 +65,9 @@ class Plan(NamedTuple):
         return tuple(axis.length for axis in self.axes)
 
 
-def _near(name, known):
-    near = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
-    return f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
+def _suggestion(name, names):
+    matches = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    return f"did you mean {matches[0]}?" if matches else f"known: {', '.join(names)}"
 
 
 def _flat(tree, where):
@@ -95,58 +95,58 @@ def _flat(tree, where):
 def _table(value, where):
     if not isinstance(value, dict):
         raise ConfigError(
-            f"{where} = {toml_of(value)} is not a table; write [{where.split(': ')[-1]}] and its keys below"
+            f"{where} = {short_toml(value)} is not a table; write [{where.split(': ')[-1]}] and its keys below"
         )
     return value
 
 
-def read(path, sets=(), own_engines=()):
+def read(path, sets=(), engine_texts=()):
     """`Plan` of a TOML file.
 
     sets         texts as of `--set`, which win over [set]
     own_engines  texts as of `--engine`
     """
-    path, own = Path(path), engines.parse_options(own_engines)
+    path, extra_engines = Path(path), engines.parse_options(engine_texts)
     tree = read_toml(path)
     for key in tree:
         if key not in KEYS:
-            hint = f"; write [set] {key}..." if key in configuration.sections() else f"; {_near(key, KEYS)}"
+            hint = f"; write [set] {key}..." if key in configuration.sections() else f"; {_suggestion(key, KEYS)}"
             raise ConfigError(f"{path}: {key} is not a key of a plan{hint}")
     name = tree.get("name", path.stem)
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise ConfigError(f"{path}: name = {toml_of(name)} is not made of letters, digits, dot, dash and underscore")
+        raise ConfigError(f"{path}: name = {short_toml(name)} is not made of letters, digits, dot, dash and underscore")
     base, origin = {}, {}
     if "base" in tree:
         if not isinstance(tree["base"], str):
-            raise ConfigError(f"{path}: base = {toml_of(tree['base'])} is not the name of a file")
+            raise ConfigError(f"{path}: base = {short_toml(tree['base'])} is not the name of a file")
         base_path = path.parent / tree["base"]
         base = read_toml(base_path)
         configuration.from_dict(base, str(base_path))
         base.pop("output", None)
         base.get("scenario", {}).pop("engine", None)
     engine = tree.get("engine", "frame")
-    found = engines.find(engine, own, f"{path}: engine")
-    given = _flat(_table(tree.get("set", {}), f"{path}: set"), f"{path}: [set]")
-    origin |= dict.fromkeys(given, f"{path}: [set]")
+    location = engines.find(engine, extra_engines, f"{path}: engine")
+    set_values = _flat(_table(tree.get("set", {}), f"{path}: set"), f"{path}: [set]")
+    origin |= dict.fromkeys(set_values, f"{path}: [set]")
     for item in (configuration.parse_set(text) for text in sets):
-        given |= _flat({item.path: item.value}, "--set:")
+        set_values |= _flat({item.path: item.value}, "--set:")
         origin[item.path] = "--set"
-    if ENGINE in given:
+    if ENGINE in set_values:
         raise ConfigError(f"{path}: [set] engine: it is a key of the plan itself; write it above [set]")
-    for dotted, value in given.items():
-        _put(base, dotted, value, origin[dotted])
-    owner = {dotted: "--set" if origin[dotted] == "--set" else SET for dotted in given}
+    for dotted, value in set_values.items():
+        _set_value(base, dotted, value, origin[dotted])
+    owner = {dotted: "--set" if origin[dotted] == "--set" else SET for dotted in set_values}
     axes = _axes(_table(tree.get("axes", {}), f"{path}: axes"), path, owner)
-    known = {engine: found}
+    locations = {engine: location}
     for axis in axes:
         origin |= dict.fromkeys(axis.values, f"{path}: [axes.{axis.name}]")
         names = [name for name in axis.values.get(ENGINE, ()) if name is not None]
-        known |= {name: engines.find(name, own, f"{path}: [axes.{axis.name}] engine") for name in names}
-    keep = _keep(_table(tree.get("keep", {}), f"{path}: keep"), path)
-    return Plan(name, engine, base, axes, keep, str(path), path.parent, origin, known)
+        locations |= {name: engines.find(name, extra_engines, f"{path}: [axes.{axis.name}] engine") for name in names}
+    keep = _read_keep(_table(tree.get("keep", {}), f"{path}: keep"), path)
+    return Plan(name, engine, base, axes, keep, str(path), path.parent, origin, locations)
 
 
-def _put(tree, dotted, value, where):
+def _set_value(tree, dotted, value, where):
     section, _, key = dotted.partition(".")
     if not section or not key or "." in key:
         raise ConfigError(f"{where} {dotted}: is not of the form section.key")
@@ -159,8 +159,8 @@ def _put(tree, dotted, value, where):
 # ---- axes ------------------------------------------------------------------------------------------------------------
 
 
-def _axes(tree, path, given):
-    axes, owner = [], dict(given)
+def _axes(tree, path, set_owners):
+    axes, owner = [], dict(set_owners)
     for name, table in tree.items():
         where = f"{path}: [axes.{name}]"
         if not NAME.fullmatch(name) or TAKEN.fullmatch(name) or name in FIELDS or "." in name:
@@ -182,7 +182,7 @@ def _axes(tree, path, given):
 def _integer(table, key, default, lo, where):
     value = table.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < lo:
-        raise ConfigError(f"{where} {key} = {toml_of(value)} is not an integer from {lo} on")
+        raise ConfigError(f"{where} {key} = {short_toml(value)} is not an integer from {lo} on")
     return value
 
 
@@ -221,12 +221,12 @@ def _cases(name, table, where):
     if other:
         raise ConfigError(f"{where} has cases and {other[0]}; parameters of cases stand in the cases")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, dict) for case in cases):
-        raise ConfigError(f"{where} cases = {toml_of(cases)} is not a list of tables with one at least")
+        raise ConfigError(f"{where} cases = {short_toml(cases)} is not a list of tables with one at least")
     names, rows = [], []
     for k, case in enumerate(cases):
         title = case.get("name")
         if not isinstance(title, str) or not title or title in names:
-            raise ConfigError(f"{where} cases[{k}].name = {toml_of(title)} is not a text of its own")
+            raise ConfigError(f"{where} cases[{k}].name = {short_toml(title)} is not a text of its own")
         names.append(title)
         rows.append(_flat({key: v for key, v in case.items() if key != "name"}, f"{where} cases[{k}]"))
     paths = list(dict.fromkeys(dotted for row in rows for dotted in row))
@@ -236,28 +236,30 @@ def _cases(name, table, where):
 # ---- keep ------------------------------------------------------------------------------------------------------------
 
 
-def _keep(tree, path):
+def _read_keep(tree, path):
     where = f"{path}: [keep]"
     for key in tree:
         if key not in KEEP_KEYS:
-            raise ConfigError(f"{where} {key} is not a key; {_near(key, KEEP_KEYS)}")
+            raise ConfigError(f"{where} {key} is not a key; {_suggestion(key, KEEP_KEYS)}")
     frames = _integer(tree, "frames", 1, 1, where)
     streams = _table(tree.get("streams", {}), f"{path}: keep.streams")
     statistics = _table(tree.get("statistics", {}), f"{path}: keep.statistics")
     for table, part in ((streams, "streams"), (statistics, "statistics")):
         for column in table:
             if column not in FIELDS:
-                raise ConfigError(f"{path}: [keep.{part}] {column} is not a stream; {_near(column, list(FIELDS))}")
+                raise ConfigError(
+                    f"{path}: [keep.{part}] {column} is not a stream; {_suggestion(column, list(FIELDS))}"
+                )
     for column in streams:
         if _integer(streams, column, 1, 1, f"{path}: [keep.streams]") > MOST_FRAMES:
             raise ConfigError(f"{path}: [keep.streams] {column} is above the limit {MOST_FRAMES} frames")
     for column, kinds in statistics.items():
         if not isinstance(kinds, list) or not kinds:
-            raise ConfigError(f"{path}: [keep.statistics] {column} = {toml_of(kinds)} is not a list of names")
+            raise ConfigError(f"{path}: [keep.statistics] {column} = {short_toml(kinds)} is not a list of names")
         for kind in kinds:
             if kind not in STATISTICS:
                 raise ConfigError(
-                    f"{path}: [keep.statistics] {column}: {toml_of(kind)} is none; {_near(kind, STATISTICS)}"
+                    f"{path}: [keep.statistics] {column}: {short_toml(kind)} is none; {_suggestion(kind, STATISTICS)}"
                 )
     tau_s = _taus(tree.get("tau_s", []), where)
     if not tau_s and any("adev" in kinds for kinds in statistics.values()):
@@ -267,17 +269,17 @@ def _keep(tree, path):
 
 def _taus(values, where):
     if not isinstance(values, list):
-        raise ConfigError(f"{where} tau_s = {toml_of(values)} is not a list of seconds")
+        raise ConfigError(f"{where} tau_s = {short_toml(values)} is not a list of seconds")
     for value in values:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < math.inf:
-            raise ConfigError(f"{where} tau_s: {toml_of(value)} is not a number above 0 s")
+            raise ConfigError(f"{where} tau_s: {short_toml(value)} is not a number above 0 s")
     return [float(value) for value in values]
 
 
 # ---- points ----------------------------------------------------------------------------------------------------------
 
 
-def tree_of(plan, index):
+def point_tree(plan, index):
     """(nested configuration, name of the engine) at a place on the axes."""
     tree = {section: dict(keys) if isinstance(keys, dict) else keys for section, keys in plan.tree.items()}
     engine = plan.engine
@@ -288,7 +290,7 @@ def tree_of(plan, index):
             if dotted == ENGINE:
                 engine = values[k]
             else:
-                _put(tree, dotted, values[k], f"[axes.{axis.name}]")
+                _set_value(tree, dotted, values[k], f"[axes.{axis.name}]")
     return tree, engine
 
 
@@ -296,26 +298,28 @@ def points(plan):
     """(points, {hash: path} of the state files they start from); ConfigError for the first that cannot be."""
     from testbench.run import design_check
 
-    out, states, known, rates = [], {}, {}, set()
+    out, states, digests, rates = [], {}, {}, set()
     for number, index in enumerate(itertools.product(*(range(n) for n in plan.shape))):
-        tree, name = tree_of(plan, index)
+        tree, name = point_tree(plan, index)
         engine = plan.engines[name]
-        config = _checked(plan, tree, number, design_check.check)
+        config = _check_point(plan, tree, number, design_check.check)
         rates.add(config.design_record().frame_hz)
         digest = ""
         if config.scenario.resume:
-            digest = known.get(config.scenario.resume) or _state(plan, config.scenario.resume)
-            known[config.scenario.resume] = digest
+            digest = digests.get(config.scenario.resume) or _state(plan, config.scenario.resume)
+            digests[config.scenario.resume] = digest
             states[digest] = plan.folder / config.scenario.resume
-        identity = identity_of(config, engine, plan.keep, digest)
-        out.append(Point(number, index, identity, address_of(identity), engine))
+        identity = point_identity(config, engine, plan.keep, digest)
+        out.append(Point(number, index, identity, point_address(identity), engine))
     if len(rates) > 1 and plan.keep.streams:
-        found = ", ".join(f"{rate:g}" for rate in sorted(rates))
-        raise ConfigError(f"{plan.source}: [keep.streams]: points of {found} frames a second have no time in common")
+        rates_text = ", ".join(f"{rate:g}" for rate in sorted(rates))
+        raise ConfigError(
+            f"{plan.source}: [keep.streams]: points of {rates_text} frames a second have no time in common"
+        )
     return out, states
 
 
-def _checked(plan, tree, number, check):
+def _check_point(plan, tree, number, check):
     try:
         config = configuration.from_dict(tree, plan.source, plan.origin)
         check(config)
@@ -342,7 +346,7 @@ def _check_taus(plan, design):
 def _state(plan, name):
     path = plan.folder / name
     try:
-        with opened(path) as file:
+        with open_input(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except FileError as problem:
         raise ConfigError(f"{plan.source}: scenario.resume: {problem}") from None
@@ -356,5 +360,5 @@ def value_at(plan, axis, dotted, k):
     if dotted == ENGINE:
         return plan.engine
     section, key = dotted.split(".")
-    given = plan.tree.get(section, {})
-    return given[key] if key in given else getattr(getattr(configuration.Config(), section), key)
+    section_values = plan.tree.get(section, {})
+    return section_values[key] if key in section_values else getattr(getattr(configuration.Config(), section), key)

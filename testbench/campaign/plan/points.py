@@ -47,7 +47,7 @@ def canonical(data):
     return json.dumps(data, sort_keys=True, separators=(",", ":"))
 
 
-def address_of(identity):
+def point_address(identity):
     """SHA-256 of an identity."""
     return hashlib.sha256(identity.encode()).hexdigest()
 
@@ -58,15 +58,15 @@ def _floats(value):
     return float(value)
 
 
-def identity_of(config, engine, keep, state_sha256=""):
+def point_identity(config, engine, keep, state_sha256=""):
     """Identity of a checked configuration; `state_sha256` of the file in scenario.resume, if there is one."""
     tree = config.model_dump(mode="json", exclude={"output": True, "scenario": {"engine"}})
     for name in PROFILES:
         tree["scenario"][name] = _floats(tree["scenario"][name])
     tree["scenario"]["resume"] = STATE + state_sha256 if state_sha256 else ""
-    found = engines.load(engine)
-    kept_as, code = found.twin or engine, engines.code_of(found)
-    return canonical({"schema": SCHEMA, "config": tree, "engine": kept_as, "keep": keep._asdict(), "code": code})
+    engine_object = engines.load(engine)
+    engine_name, code = engine_object.equivalent_to or engine, engines.source_hash(engine_object)
+    return canonical({"schema": SCHEMA, "config": tree, "engine": engine_name, "keep": keep._asdict(), "code": code})
 
 
 @dataclass
@@ -97,7 +97,7 @@ def parsed(identity):
     data = inputs.parse_json(identity, "point")
     if data.get("schema") != SCHEMA:
         raise FileError(f"point: schema {str(data.get('schema'))[:40]!r} is not that of this version, {SCHEMA}")
-    return inputs.checked(data, _Identity, "a point that this version cannot read")
+    return inputs.validate_data(data, _Identity, "a point that this version cannot read")
 
 
 class Task(NamedTuple):
@@ -108,20 +108,20 @@ class Task(NamedTuple):
     code: str
 
 
-def state_of(data, states):
+def state_path(data, states):
     """Path of the state file that a parsed identity starts from, or None."""
     resume = str(data.config.get("scenario", {}).get("resume", ""))
-    named = STATE_NAME.fullmatch(resume)
-    if resume and not named:
+    match = STATE_NAME.fullmatch(resume)
+    if resume and not match:
         raise FileError(f"point: scenario.resume: {resume[:80]!r} is no hash of a state file")
-    return Path(states) / f"{named[1]}.h5" if named else None
+    return Path(states) / f"{match[1]}.h5" if match else None
 
 
-def task_of(identity, states):
+def read_task(identity, states):
     """`Task` of an identity; `states` is the folder of state files by hash."""
     data = parsed(identity)
     tree, keep = data.config, data.keep
-    if state := state_of(data, states):
+    if state := state_path(data, states):
         tree["scenario"]["resume"] = str(state)
     # a campaign keeps its own files, so a run writes none and takes no checkpoints
     tree["output"] = {"record": False, "pictures": False, "html": False, "state": False, "checkpoint_s": 0.0}

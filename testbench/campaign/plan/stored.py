@@ -61,28 +61,30 @@ class _Stored:
     sha256: str | None = None
 
 
-def _digest(data):
+def _plan_digest(data):
     return hashlib.sha256(canonical(data).encode()).hexdigest()
 
 
-def text_of(wanted, addresses):
+def plan_json(campaign_plan, addresses):
     """Text of a plan and the addresses of its points, in their order."""
-    axes = [axis._asdict() for axis in wanted.axes]
-    data = {"name": wanted.name, "engine": wanted.engine, "set": wanted.tree, "axes": axes}
-    data |= {"keep": wanted.keep._asdict(), "points": list(addresses)}
-    return canonical(data | {"sha256": _digest(data)})
+    axes = [axis._asdict() for axis in campaign_plan.axes]
+    data = {"name": campaign_plan.name, "engine": campaign_plan.engine, "set": campaign_plan.tree, "axes": axes}
+    data |= {"keep": campaign_plan.keep._asdict(), "points": list(addresses)}
+    return canonical(data | {"sha256": _plan_digest(data)})
 
 
 def read(path):
     """(`plan.Plan`, addresses) of a file; FileError for what is damaged, or no plan of this name."""
     data = inputs.read_json(path, limit=inputs.most_bytes())
-    stored = inputs.checked(data, _Stored, path)
-    if data.pop("sha256", None) not in (None, _digest(data)):
+    stored = inputs.validate_data(data, _Stored, path)
+    if data.pop("sha256", None) not in (None, _plan_digest(data)):
         raise FileError(f"{path}: is damaged: its checksum does not hold")
     axes = tuple(plan.Axis(a.name, a.length, a.values, tuple(a.cases)) for a in stored.axes)
     _check(stored, axes, Path(path))
-    found = plan.Plan(stored.name, stored.engine, stored.set, axes, stored.keep.keep(), str(path), Path("/"), {}, {})
-    return found, tuple(stored.points)
+    campaign_plan = plan.Plan(
+        stored.name, stored.engine, stored.set, axes, stored.keep.keep(), str(path), Path("/"), {}, {}
+    )
+    return campaign_plan, tuple(stored.points)
 
 
 def _check(stored, axes, path):

@@ -24,7 +24,7 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.storage.files import replacing_folder
-from testbench.storage.inputs import checked, read_json, read_text, sha256_of
+from testbench.storage.inputs import file_sha256, read_json, read_text, validate_data
 
 SCHEMA = "gyro-golden/1.0"
 REPLAY_SCHEMA = "gyro-golden-replay/1.0"
@@ -63,7 +63,7 @@ def total(ports):
     return sum(port["width"] for port in ports)
 
 
-def _places(widths):
+def _bit_positions(widths):
     """Bytes of a row of columns that end at its last bit, and (byte, bit within it, bits unused of 64) per column."""
     size = -(-sum(widths) // 8)
     ends = 8 * size - np.cumsum(widths[::-1])[::-1]
@@ -72,25 +72,25 @@ def _places(widths):
 
 def pack(rows, widths):
     """One Python integer per row: the columns side by side, the first in the most significant bits."""
-    size, places = _places(widths)
+    size, positions = _bit_positions(widths)
     packed = np.zeros((len(rows), size + 8), np.uint8)
-    for column, (byte, bit, unused) in zip(rows.T, places, strict=True):
-        left = column.astype(np.uint64) << unused
-        packed[:, byte : byte + 8] |= (left >> bit).astype(">u8").view(np.uint8).reshape(-1, 8)
-        packed[:, byte + 8] |= (left << 8 - bit).astype(np.uint8) if bit else 0
+    for column, (byte, bit, unused) in zip(rows.T, positions, strict=True):
+        field_bits = column.astype(np.uint64) << unused
+        packed[:, byte : byte + 8] |= (field_bits >> bit).astype(">u8").view(np.uint8).reshape(-1, 8)
+        packed[:, byte + 8] |= (field_bits << 8 - bit).astype(np.uint8) if bit else 0
     return [int.from_bytes(row.tobytes(), "big") for row in packed[:, :size]]
 
 
 def unpack(words, ports):
     """int64 rows from packed words; the inverse of `pack`."""
-    size, places = _places([port["width"] for port in ports])
+    size, positions = _bit_positions([port["width"] for port in ports])
     rows, packed = np.zeros((len(words), len(ports)), np.int64), np.zeros((len(words), size + 8), np.uint8)
-    whole = np.frombuffer(b"".join([word.to_bytes(size, "big") for word in words]), np.uint8)
-    packed[:, :size] = whole.reshape(len(words), size)
-    for k, (byte, bit, unused) in enumerate(places):
-        left = packed[:, byte : byte + 8].copy().view(">u8")[:, 0].astype(np.uint64) << bit
-        left |= packed[:, byte + 8] >> 8 - bit if bit else np.uint8(0)
-        rows[:, k] = left.view(np.int64) >> unused if ports[k]["signed"] else left >> unused
+    row_bytes = np.frombuffer(b"".join([word.to_bytes(size, "big") for word in words]), np.uint8)
+    packed[:, :size] = row_bytes.reshape(len(words), size)
+    for k, (byte, bit, unused) in enumerate(positions):
+        field_bits = packed[:, byte : byte + 8].copy().view(">u8")[:, 0].astype(np.uint64) << bit
+        field_bits |= packed[:, byte + 8] >> 8 - bit if bit else np.uint8(0)
+        rows[:, k] = field_bits.view(np.int64) >> unused if ports[k]["signed"] else field_bits >> unused
     return rows
 
 
@@ -100,27 +100,27 @@ def hex_text(words, width):
     return "".join([f"{word:0{count}x}\n" for word in words])
 
 
-def port(found):
+def port(block_port):
     """Entry of a `blocks.Port` in the manifest."""
     return {
-        "name": found.name,
-        "width": found.width,
-        "signed": found.signed,
-        "fmt": list(found.fmt),
-        "reset": found.reset,
-        "rounding": found.rounding,
-        "overflow": found.overflow,
+        "name": block_port.name,
+        "width": block_port.width,
+        "signed": block_port.signed,
+        "fmt": list(block_port.fmt),
+        "reset": block_port.reset,
+        "rounding": block_port.rounding,
+        "overflow": block_port.overflow,
     }
 
 
-def port_files(named, rows):
+def port_files(ports, rows):
     """{path: text} of one hex file per port; `named` is (name, Port) for each column of `rows`."""
     files = {}
-    for k, (name, found) in enumerate(named):
-        words = (rows[:, k] & ((1 << found.width) - 1)).astype(">u8").view(np.uint8).reshape(-1, 8)
+    for k, (name, block_port) in enumerate(ports):
+        words = (rows[:, k] & ((1 << block_port.width) - 1)).astype(">u8").view(np.uint8).reshape(-1, 8)
         lines = np.full((len(words), 17), ord("\n"), np.uint8)
         lines[:, 0:16:2], lines[:, 1:16:2] = HEX[words >> 4], HEX[words & 15]
-        files[f"ports/{name}.hex"] = lines[:, 16 - digits(found.width) :].tobytes().decode("ascii")
+        files[f"ports/{name}.hex"] = lines[:, 16 - digits(block_port.width) :].tobytes().decode("ascii")
     return files
 
 
@@ -143,7 +143,7 @@ def seal(manifest):
 
 def vectors_sha256(manifest):
     """SHA-256 of a bundle's vectors alone: what benches, scripts, goals and names of it do not change."""
-    vectors = {name: manifest["sha256"][name] for name in (f"{word}.hex" for word in words_of(manifest))}
+    vectors = {name: manifest["sha256"][name] for name in (f"{word}.hex" for word in hex_names(manifest))}
     return hashlib.sha256(canonical(vectors).encode()).hexdigest()
 
 
@@ -159,23 +159,23 @@ def manifest_text(manifest):
     return json.dumps(manifest, indent=1, ensure_ascii=True) + "\n"
 
 
-def _fill(part, manifest, files, trees, noted):
+def _fill(part, manifest, files, trees, provenance_entries):
     """Write a bundle into the new folder `part`; returns the whole manifest."""
     for name, text in files.items():
         path = part / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(text.encode())
-    for more in trees:
-        more(part)
+    for write_tree in trees:
+        write_tree(part)
     written = {path.relative_to(part).as_posix(): path.read_bytes() for path in part.rglob("*") if path.is_file()}
     full = sealed(manifest, written)
-    if noted is not None:
-        full["provenance"] = {**full["provenance"], **noted(full)}
+    if provenance_entries is not None:
+        full["provenance"] = {**full["provenance"], **provenance_entries(full)}
     (part / MANIFEST).write_bytes(manifest_text(full).encode())
     return full
 
 
-def write(folder, manifest, files, trees=(), noted=None):
+def write(folder, manifest, files, trees=(), provenance_entries=None):
     """Write a bundle as a whole; a bundle that was there is replaced.
 
     manifest  without hashes
@@ -184,7 +184,7 @@ def write(folder, manifest, files, trees=(), noted=None):
     noted     function of the sealed manifest: entries that its provenance gets besides
     """
     with replacing_folder(folder, MANIFEST) as part:
-        return _fill(part, manifest, files, trees, noted)
+        return _fill(part, manifest, files, trees, provenance_entries)
 
 
 def _inside(folder, name):
@@ -205,15 +205,15 @@ def _inside(folder, name):
     return path
 
 
-def _strangers(folder, manifest):
+def _extra_files(folder, manifest):
     """Paths in the folder that the manifest does not list; what benches leave is in build/."""
-    known = {MANIFEST, *manifest["sha256"]}
+    manifest_names = {MANIFEST, *manifest["sha256"]}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
         if (
             name.parts[0] != BUILD
             and name.parts[:2] != (PINS, BUILD)
-            and name.as_posix() not in known
+            and name.as_posix() not in manifest_names
             and (path.is_symlink() or not path.is_dir())
         ):
             yield path
@@ -226,23 +226,23 @@ REPLAY_REQUIRED = {"frames": int, "frame_cycles": int, "conversions": int, "host
 PORT_KEYS = {"name": str, "width": int, "signed": bool}
 
 
-def words_of(manifest):
+def hex_names(manifest):
     """Names of the hex files that a bundle must have."""
     return (*WORDS[:2], *REPLAYED) if manifest["schema"] == REPLAY_SCHEMA else WORDS
 
 
-def _manifest(folder):
+def _read_manifest(folder):
     path = folder / MANIFEST
     if not os.path.exists(path):
         raise FileError(f"{path}: cannot be read: no such file; a bundle is a folder DIR/BLOCK/CASE")
     manifest = read_json(path)
-    found = manifest.get("schema")
-    if found not in (SCHEMA, REPLAY_SCHEMA):
-        raise FileError(f"{path}: schema is {found!r}, not {SCHEMA!r}")
-    for key, kind in (REQUIRED | (REPLAY_REQUIRED if found == REPLAY_SCHEMA else {})).items():
+    schema = manifest.get("schema")
+    if schema not in (SCHEMA, REPLAY_SCHEMA):
+        raise FileError(f"{path}: schema is {schema!r}, not {SCHEMA!r}")
+    for key, kind in (REQUIRED | (REPLAY_REQUIRED if schema == REPLAY_SCHEMA else {})).items():
         if not isinstance(manifest.get(key), kind) or isinstance(manifest.get(key), bool):
             raise FileError(f"{path}: {key} is missing or not of type {kind.__name__}")
-    checked(manifest["sha256"], dict[str, str], f"{path}: sha256")
+    validate_data(manifest["sha256"], dict[str, str], f"{path}: sha256")
     ports = manifest["inputs"] + manifest["registers"] + manifest["outputs"]
     for port in ports:
         if not isinstance(port, dict) or any(type(port.get(k)) is not kind for k, kind in PORT_KEYS.items()):
@@ -253,13 +253,13 @@ def _manifest(folder):
         names = [port["name"] for port in manifest[group]]
         if len(set(names)) != len(names):
             raise FileError(f"{path}: {group}: duplicate port {max(names, key=names.count)}")
-    for key in ("n", *(key for _, key in REPLAYED.values() if found == REPLAY_SCHEMA)):
+    for key in ("n", *(key for _, key in REPLAYED.values() if schema == REPLAY_SCHEMA)):
         if manifest[key] < 0:
             raise FileError(f"{path}: {key} is {manifest[key]}, below 0 rows")
     return manifest
 
 
-def _words(path, width, count):
+def _read_words(path, width, count):
     """Words of a hex file; raises FileError at the first line that is not one."""
     text = read_text(path, encoding="ascii")
     if not text.endswith("\n") and count:
@@ -270,8 +270,8 @@ def _words(path, width, count):
     expected = digits(width)
     if not re.fullmatch(rf"(?:[0-9a-f]{{{expected}}}\n)*", text):
         bad = next(n for n, line in enumerate(lines) if not re.fullmatch(rf"[0-9a-f]{{{expected}}}", line))
-        shown = f"{lines[bad][:80]!r} is not {expected} lower-case hexadecimal digits"
-        raise FileError(f"{path}: line {bad + 1}: {shown}")
+        complaint = f"{lines[bad][:80]!r} is not {expected} lower-case hexadecimal digits"
+        raise FileError(f"{path}: line {bad + 1}: {complaint}")
     words = [int(line, 16) for line in lines]
     for n, word in enumerate(words):
         if word >> width:
@@ -285,17 +285,17 @@ def verify(folder, strict=True):
     strict  also refuse files that are not of the bundle, outside of build/: a tool may read them instead of its own
     """
     folder = Path(folder)
-    manifest = _manifest(folder)
+    manifest = _read_manifest(folder)
     if manifest["manifest_sha256"] != seal(manifest):
         raise FileError(f"{folder / MANIFEST}: SHA-256 does not match: the manifest was changed")
-    for name in (f"{word}.hex" for word in words_of(manifest)):
+    for name in (f"{word}.hex" for word in hex_names(manifest)):
         if name not in manifest["sha256"]:
             raise FileError(f"{folder / MANIFEST}: {name} is not listed")
     for name, expected in manifest["sha256"].items():
         path = _inside(folder, name)
-        if sha256_of(path) != expected:
+        if file_sha256(path) != expected:
             raise FileError(f"{path}: SHA-256 does not match the manifest: the file was changed")
-    for path in _strangers(folder, manifest) if strict else ():
+    for path in _extra_files(folder, manifest) if strict else ():
         raise FileError(f"{path}: is not of this bundle: move it, or keep it in {BUILD}/")
     return manifest
 
@@ -310,7 +310,7 @@ def read(folder):
     if manifest["schema"] == REPLAY_SCHEMA:
         return _read_replay(folder, manifest, results)
     stim, exp, mask = (
-        unpack(_words(folder / f"{name}.hex", total(ports), count), ports)
+        unpack(_read_words(folder / f"{name}.hex", total(ports), count), ports)
         for name, ports in zip(WORDS, (manifest["inputs"], results, bare), strict=True)
     )
     return Bundle(manifest, stim, exp, mask, np.arange(count))
@@ -319,7 +319,7 @@ def read(folder):
 def replayed_words(folder, manifest, name):
     """Words of a file of `REPLAYED`, of a bundle that was verified."""
     width, key = REPLAYED[name]
-    return _words(Path(folder) / f"{name}.hex", width, manifest[key])
+    return _read_words(Path(folder) / f"{name}.hex", width, manifest[key])
 
 
 def _read_replay(folder, manifest, results):
@@ -332,7 +332,7 @@ def _read_replay(folder, manifest, results):
         if len(clocks) and (clocks[-1] >= end or (np.diff(clocks) <= 0).any()):
             raise FileError(f"{folder / name}.hex: the clocks do not rise within 0 .. {end - 1}")
     stim, exp = (
-        unpack(_words(folder / f"{name}.hex", total(ports), manifest["n"]), ports)
+        unpack(_read_words(folder / f"{name}.hex", total(ports), manifest["n"]), ports)
         for name, ports in (("stim", manifest["inputs"]), ("exp", results))
     )
     mask = np.tile(np.array([(1 << port["width"]) - 1 for port in results], np.int64), (len(at), 1))

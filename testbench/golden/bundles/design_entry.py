@@ -13,15 +13,15 @@ from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle
 from testbench.golden.stimulus import blocks, levels
 from testbench.golden.stimulus.levels import rtl_parameters  # noqa: F401
-from testbench.storage.inputs import checked
+from testbench.storage.inputs import validate_data
 
 
 def entry(block):
     """Entries of the manifest of a `blocks.Block`; none for a block that no file gave a design."""
     if block.design is None:
         return {}
-    given = [{"name": name, "value": value} for name, value in block.design_keys.items()]
-    return {"design": block.design._asdict(), "design_params": given}
+    parameters = [{"name": name, "value": value} for name, value in block.design_keys.items()]
+    return {"design": block.design._asdict(), "design_params": parameters}
 
 
 def interface(block, case):
@@ -38,22 +38,24 @@ def interface(block, case):
     }
 
 
-def of_manifest(path, manifest):
+def manifest_design(path, manifest):
     """Design record of a manifest, or None; FileError where it is none of this version."""
     if "design" not in manifest:
         return None
     from testbench.config.load import Design
 
-    given = checked(manifest["design"], dict[str, int], f"{path}: design")
+    raw_values = validate_data(manifest["design"], dict[str, int], f"{path}: design")
     keys = design_record.Design._fields
-    if list(given) != list(keys):
-        raise FileError(f"{path}: design: has the keys {', '.join(given)}, not {', '.join(keys)}")
-    values = checked(given, Design, f"{path}: design")
-    if given["dds_bits"] < 2 + given["sine_address_bits"] + given["sine_fraction_bits"]:
-        raise FileError(f"{path}: design: dds_bits = {given['dds_bits']} do not hold quadrant, address and fraction")
-    if given["sine_bits"] <= given["sine_address_bits"]:
-        raise FileError(f"{path}: design: sine_bits = {given['sine_bits']} is not above sine_address_bits")
-    if given["adc_tail_clocks"] == 0:
+    if list(raw_values) != list(keys):
+        raise FileError(f"{path}: design: has the keys {', '.join(raw_values)}, not {', '.join(keys)}")
+    values = validate_data(raw_values, Design, f"{path}: design")
+    if raw_values["dds_bits"] < 2 + raw_values["sine_address_bits"] + raw_values["sine_fraction_bits"]:
+        raise FileError(
+            f"{path}: design: dds_bits = {raw_values['dds_bits']} do not hold quadrant, address and fraction"
+        )
+    if raw_values["sine_bits"] <= raw_values["sine_address_bits"]:
+        raise FileError(f"{path}: design: sine_bits = {raw_values['sine_bits']} is not above sine_address_bits")
+    if raw_values["adc_tail_clocks"] == 0:
         raise FileError(f"{path}: design: adc_tail_clocks = 0 is below 1")
     return design_record.Design(*(getattr(values, key) for key in keys))
 
@@ -71,6 +73,6 @@ def board(path):
         raise ConfigError(f"{path}: {problem}") from None
 
 
-def blocks_of(path):
+def config_blocks(path):
     """{stem: Block} of a configuration file, with its parameters as cases."""
     return blocks.firmware_blocks(board(path)[1])

@@ -10,7 +10,7 @@ from pathlib import Path
 from testbench.config import law_file, parse_set
 from testbench.errors import ConfigError
 from testbench.golden.bundles import top
-from testbench.golden.recording import record
+from testbench.golden.recording import make_recordings
 from testbench.run import build
 
 MOST_ROWS = 200  # with one row each
@@ -25,13 +25,15 @@ def case(laws=(), sets=(), frames=9400):
         values["effects.laws"] = [*values.get("effects.laws", []), *texts]
     if not any(key.startswith("effects.") for key in values):
         raise ConfigError("no effect: give a law file, or --set effects.NAME=VALUE")
-    return record.Case(config=values, firmware=build.firmware, frames=frames, row_every=max(1, frames // MOST_ROWS))
+    return make_recordings.Case(
+        config=values, firmware=build.firmware, frames=frames, row_every=max(1, frames // MOST_ROWS)
+    )
 
 
-def export(name, made, out, progress=None):
+def export(name, recording_case, out, progress=None):
     """Run a case, write its bundle to OUT/top/NAME; (folder, manifest)."""
     if not name.isidentifier():
         raise ConfigError(f"{name!r} is no name of a case: letters, digits and _")
-    r = record.closed_loop(name, made, progress)
+    r = make_recordings.record_closed_loop(name, recording_case, progress)
     folder = Path(out) / top.STEM / name
-    return folder, top.write(r._replace(windows=record.find_windows(r)), folder)
+    return folder, top.write(r._replace(windows=make_recordings.find_windows(r)), folder)

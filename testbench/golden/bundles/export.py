@@ -16,26 +16,26 @@ from testbench.golden.coverage import evidence
 from testbench.golden.ranges import range_report
 from testbench.golden.stimulus import blocks, stimulus
 from testbench.storage import vcd
-from testbench.storage.files import replacing_folder, together
+from testbench.storage.files import atomic_outputs, replacing_folder
 from testbench.version import VERSION
 
 
-def _manifest(block, case, stim, exp, families, seed):
-    described = design_entry.interface(block, case)
-    named = {"block": block.stem, "case": case}
-    identity = named | {k: v for k, v in described.items() if k not in ("unused_params", "levels")}
+def _build_manifest(block, case, stim, exp, families, seed):
+    interface = design_entry.interface(block, case)
+    case_keys = {"block": block.stem, "case": case}
+    identity = case_keys | {k: v for k, v in interface.items() if k not in ("unused_params", "levels")}
     return {
         "schema": bundle.SCHEMA,
-        **named,
+        **case_keys,
         "clock": {"name": "clk", "hz": block.record.master_hz},
         "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
         "sample": "before rising edge",
         "n": len(stim),
-        **described,
+        **interface,
         "rules": block.rules,
         "latency": block.latency,
         "seed": seed,
-        "families": [list(found) for found in families],
+        "families": [list(family) for family in families],
         # arguments that goals cannot be met are of the default design
         **({} if block.design else {"coverage": evidence.summary(block, case, stim, exp)}),
         "config_sha256": hashlib.sha256(bundle.canonical(identity).encode()).hexdigest(),
@@ -43,10 +43,10 @@ def _manifest(block, case, stim, exp, families, seed):
     }
 
 
-def _tables(block, stim, exp):
+def _vector_texts(block, stim, exp):
     """{path: text}: packed words, one file per port, and decimal."""
-    inputs, found = [(p.name, p) for p in block.columns], benches.results(block)
-    in_widths, out_widths = [p.width for _, p in inputs], [p.width for _, p in found]
+    inputs, result_ports = [(p.name, p) for p in block.columns], benches.results(block)
+    in_widths, out_widths = [p.width for _, p in inputs], [p.width for _, p in result_ports]
     out_width = sum(out_widths)
     files = {
         "stim.hex": bundle.hex_text(bundle.pack(stim, in_widths), sum(in_widths)),
@@ -54,22 +54,22 @@ def _tables(block, stim, exp):
         "mask.hex": bundle.hex_text([(1 << out_width) - 1] * len(exp), out_width),
     }
     both = np.column_stack([stim, exp])
-    files |= bundle.port_files(inputs + found, both)
-    files["vec.csv"] = bundle.csv_text("row", np.arange(len(stim)), [name for name, _ in inputs + found], both)
+    files |= bundle.port_files(inputs + result_ports, both)
+    files["vec.csv"] = bundle.csv_text("row", np.arange(len(stim)), [name for name, _ in inputs + result_ports], both)
     return files
 
 
-def _waves(block, stim, exp):
+def _waveform_writer(block, stim, exp):
     """Function that writes golden.vcd and golden.gtkw into a folder."""
-    listed = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in block.columns]
-    listed += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in block.registers]
-    listed += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in block.pins]
+    signals = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in block.columns]
+    signals += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in block.registers]
+    signals += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in block.pins]
     rows = np.column_stack([stim, exp])
 
     def write(folder):
         waves, setup = folder / "golden.vcd", folder / "golden.gtkw"
-        vcd.write_vcd(waves, rows, listed, top=block.stem)
-        vcd.write_gtkw(setup, waves, listed, top=block.stem, expanded=("in", "reg", "out"))
+        vcd.write_vcd(waves, rows, signals, top=block.stem)
+        vcd.write_gtkw(setup, waves, signals, top=block.stem, expanded=("in", "reg", "out"))
         # the version belongs to the provenance: a release must not change the hash of a vector
         for path in (waves, setup):
             path.write_bytes(path.read_bytes().replace(f"ftr-gyro {VERSION}".encode(), b"ftr-gyro", 1))
@@ -81,11 +81,11 @@ def write(block, case, stim, families, seed, folder):
     """Bundle of a case with these rows of stimulus, written to `folder`; returns its manifest."""
     regs, pins = blocks.run(block, case, stim)
     exp = np.column_stack([regs, pins])
-    files = {**_tables(block, stim, exp), **benches.texts(block, case, len(stim))}
-    manifest = _manifest(block, case, stim, exp, families, seed)
+    files = {**_vector_texts(block, stim, exp), **benches.bench_texts(block, case, len(stim))}
+    manifest = _build_manifest(block, case, stim, exp, families, seed)
     manifest["ranges"] = range_report.range_entry(block, case, regs, pins)
     files["RANGES.md"] = range_report.text(f"{block.stem}/{case}", manifest["ranges"])
-    return bundle.write(folder, manifest, files, [_waves(block, stim, exp)], scores.note_score)
+    return bundle.write(folder, manifest, files, [_waveform_writer(block, stim, exp)], scores.note_score)
 
 
 def export_case(block, case, folder, seed=stimulus.SEED):
@@ -94,13 +94,13 @@ def export_case(block, case, folder, seed=stimulus.SEED):
     return write(block, case, stim, families, seed, folder)
 
 
-def chosen(name, others=(), known=blocks.BLOCKS):
+def select_blocks(name, extra_names=(), blocks_by_stem=blocks.BLOCKS):
     """Blocks of a name or `all`; raises ConfigError otherwise. `others` are names that the caller knows besides."""
     if name == "all":
-        return list(known.values())
-    if name not in known:
-        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*known, *others])}")
-    return [known[name]]
+        return list(blocks_by_stem.values())
+    if name not in blocks_by_stem:
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*blocks_by_stem, *extra_names])}")
+    return [blocks_by_stem[name]]
 
 
 def folder_makefile(block):
@@ -122,16 +122,18 @@ def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
     frames  of the whole design of a configuration from power-on
     """
     settings, firmware = (None, None) if config is None else design_entry.board(config)
-    known = blocks.BLOCKS if config is None else blocks.firmware_blocks(firmware)
+    blocks_by_stem = blocks.BLOCKS if config is None else blocks.firmware_blocks(firmware)
     if config is not None and name in ("all", top.STEM):
         top.check_board(firmware, frames)
-    listed = [] if name == top.STEM else chosen(name, [top.STEM], known)
+    selection = [] if name == top.STEM else select_blocks(name, [top.STEM], blocks_by_stem)
     if name in ("all", top.STEM):
-        listed.append(top.block(dict.fromkeys(top.CASES if config is None else top.BOARD_CASES)))
-    done, todo = [], [(block, case) for block in listed for case in block.cases]
-    with together(), contextlib.ExitStack() as stack:
+        selection.append(top.make_block(dict.fromkeys(top.CASES if config is None else top.BOARD_CASES)))
+    results, todo = [], [(block, case) for block in selection for case in block.cases]
+    with atomic_outputs(), contextlib.ExitStack() as stack:
         # all at the begin, so that a folder that another process writes is refused before hours are spent
-        new = {block.stem: stack.enter_context(replacing_folder(Path(out) / block.stem, keep=True)) for block in listed}
+        new = {
+            block.stem: stack.enter_context(replacing_folder(Path(out) / block.stem, keep=True)) for block in selection
+        }
         for n, (block, case) in enumerate(todo):
             if progress is not None:
                 progress(f"{block.stem}/{case}", n, len(todo))
@@ -142,7 +144,7 @@ def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
                 manifest = top.export_case(case, folder)
             else:
                 manifest = top.export_board(firmware, settings, case, folder, frames)
-            done.append((Path(out) / block.stem / case, manifest))
-        for block in listed:
+            results.append((Path(out) / block.stem / case, manifest))
+        for block in selection:
             (new[block.stem] / "Makefile").write_text(folder_makefile(block))
-    return done
+    return results

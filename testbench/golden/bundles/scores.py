@@ -24,8 +24,8 @@ def vectors(manifest):
     """Hash of what a score of these vectors depends on: words and parameters, not benches and waves."""
     if manifest["schema"] == bundle.REPLAY_SCHEMA:
         return manifest["recording_sha256"]
-    kept = [manifest["sha256"][f"{name}.hex"] for name in bundle.words_of(manifest)] + [manifest["params"]]
-    return hashlib.sha256(bundle.canonical(kept).encode()).hexdigest()
+    hashes = [manifest["sha256"][f"{name}.hex"] for name in bundle.hex_names(manifest)] + [manifest["params"]]
+    return hashlib.sha256(bundle.canonical(hashes).encode()).hexdigest()
 
 
 def design(paths):
@@ -34,17 +34,17 @@ def design(paths):
     return hashlib.sha256(bundle.canonical(texts).encode()).hexdigest()
 
 
-def entry(outcome, of_vectors, of_design, cpu_s):
+def entry(outcome, vector_hashes, design_hash, cpu_s):
     """JSON of an outcome; `of_vectors` is {case: hash}. Proved faults are counted, the others listed."""
-    told = outcome.to_dict()
-    listed = [s for s in told["survivors"] if s["verdict"] != "equivalent"]
-    kept = [{k: s[k] for k in ("verdict", "fault", "source", "why")} for s in listed]
-    return {k: told[k] for k in KEYS} | {
-        "vectors": of_vectors, "design": of_design, "cpu_s": round(cpu_s, 1), "left": kept,
+    outcome_dict = outcome.to_dict()
+    unproved = [s for s in outcome_dict["survivors"] if s["verdict"] != "equivalent"]
+    survivors = [{k: s[k] for k in ("verdict", "fault", "source", "why")} for s in unproved]
+    return {k: outcome_dict[k] for k in KEYS} | {
+        "vectors": vector_hashes, "design": design_hash, "cpu_s": round(cpu_s, 1), "left": survivors,
     }  # fmt: skip
 
 
-def known_scores():
+def stored_scores():
     """What is stored."""
     return json.loads(FILE.read_text())
 
@@ -52,17 +52,17 @@ def known_scores():
 def missing_scores(out):
     """Entries that a measurement left in a folder, else those that are stored."""
     path = out / MUTATION
-    return json.loads(path.read_text()) if path.is_file() else known_scores()["mutation"]
+    return json.loads(path.read_text()) if path.is_file() else stored_scores()["mutation"]
 
 
 @functools.cache
 def _entries():
-    return {(e["block"], case): e for e in known_scores()["mutation"] for case in e["vectors"]}
+    return {(e["block"], case): e for e in stored_scores()["mutation"] for case in e["vectors"]}
 
 
 def note_score(manifest):
     """Entry for a sealed manifest's provenance: its score, if these very vectors were scored; else empty."""
-    found = _entries().get((manifest["block"], manifest["case"]))
-    if found is None or found["vectors"][manifest["case"]] != vectors(manifest):
+    score_entry = _entries().get((manifest["block"], manifest["case"]))
+    if score_entry is None or score_entry["vectors"][manifest["case"]] != vectors(manifest):
         return {}
-    return {"mutation": {k: v for k, v in found.items() if k not in ("vectors", "cpu_s")}}
+    return {"mutation": {k: v for k, v in score_entry.items() if k not in ("vectors", "cpu_s")}}

@@ -32,10 +32,10 @@ from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top_benches
 from testbench.golden.bundles.bundle import PINS
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS
-from testbench.golden.foreign.judged import MOST_CLOCKS
+from testbench.golden.foreign.comparison_scope import MOST_CLOCKS
 from testbench.golden.recording import board, board_pins, recording, replay, signature
 from testbench.golden.stimulus import blocks, levels
-from testbench.golden.stimulus.blocks import Port, flat
+from testbench.golden.stimulus.blocks import Port, port_name
 from testbench.storage import inputs, vcd
 from testbench.version import VERSION
 
@@ -54,7 +54,7 @@ class Param:
 
 
 @dataclass
-class Place:
+class WindowEntry:
     """Entry of a window in a manifest."""
 
     clock: int
@@ -64,27 +64,27 @@ class Place:
 
 def _rules():
     """{register of top: (rounding, overflow)} from the blocks that it is made of."""
-    found = {}
+    rules = {}
 
     def walk(record, path):
         stem = type(record).__module__.rpartition(".")[2]
         if stem in blocks.BLOCKS:
             for port in blocks.BLOCKS[stem].registers:
-                found[f"{flat(path)}_{port.name}"] = (port.rounding, port.overflow)
+                rules[f"{port_name(path)}_{port.name}"] = (port.rounding, port.overflow)
         elif hasattr(record, "_fields"):
             for name, item in zip(record._fields, record):
                 walk(item, f"{path}.{name}" if path else name)
 
     walk(top.State(), "")
-    return found
+    return rules
 
 
-def block(params, design=None):
+def make_block(params, design=None):
     """The whole design as a `blocks.Block`; `params` are {case: Params or None}, `design` as there."""
     rules, record = _rules(), design or DEFAULT
-    state, known = top.reset(record), blocks.design_blocks(record)
+    state, design_blocks = top.reset(record), blocks.design_blocks(record)
     registers = [
-        Port(flat(path), fmt, int(reset), *rules.get(flat(path), (None, None)))
+        Port(port_name(path), fmt, int(reset), *rules.get(port_name(path), (None, None)))
         for (path, reset), (_, fmt) in zip(leaves(state), format_leaves(formats(top.State, record)), strict=True)
     ]
     return blocks.Block(
@@ -98,11 +98,11 @@ def block(params, design=None):
         run=None,
         latency={"adc_valid": spi_adc.read_clocks(record)},
         idle={"drdy_n": 1},
-        roms=(*known["sine"].roms, *known["cordic"].roms),
+        roms=(*design_blocks["sine"].roms, *design_blocks["cordic"].roms),
     )
 
 
-def clocks_of(r):
+def row_clocks(r):
     """Clocks of the rows of a recording: its windows, and the first clock of every `row_every`th frame."""
     pieces = [np.arange(0, r.frames, r.row_every) * r.params.design.frame_clocks]
     pieces += [np.arange(w.first, w.first + w.count) for w in r.windows]
@@ -127,7 +127,7 @@ def _inputs_hex(stimulus):
     return {f"{name}.hex": _hex(getattr(stimulus, name), widths) for name, (widths, _) in REPLAYED.items()}
 
 
-def replayed(folder, manifest):
+def read_recording(folder, manifest):
     """The recording that a bundle was made from, as its own files and manifest say; FileError where they cannot be one.
 
     folder    a bundle of the whole design that was read
@@ -138,42 +138,42 @@ def replayed(folder, manifest):
         ports = [{"width": width, "signed": k >= unsigned} for k, width in enumerate(widths)]
         words = bundle.replayed_words(folder, manifest, name)
         stimulus[name] = np.ascontiguousarray(bundle.unpack(words, ports)).reshape(-1, len(widths))
-    params = inputs.checked(manifest.get("params"), list[Param], path)
-    design = design_entry.of_manifest(path, manifest) or DEFAULT
+    params = inputs.validate_data(manifest.get("params"), list[Param], path)
+    design = design_entry.manifest_design(path, manifest) or DEFAULT
     try:
         raw = recording.params_from(path, [p.name for p in params], [p.raw for p in params], design)
     except FileError:
         count = len(recording.param_names())
         raise FileError(f"{path}: params: are not the {count} parameters of this version's design") from None
-    windows = inputs.checked(manifest["windows"], list[Place], path)
-    found = recording.Recording(
+    windows = inputs.validate_data(manifest["windows"], list[WindowEntry], path)
+    bundle_recording = recording.Recording(
         manifest["case"], raw, manifest["frames"], 1,
         replay.Stimulus(**stimulus), tuple(recording.Window(w.clock, w.rows, w.shows) for w in windows), "",
     )  # fmt: skip
-    recording.check(path, found)
-    return found
+    recording.check(path, bundle_recording)
+    return bundle_recording
 
 
-def _waves(design, windows, at, rows):
+def _window_waveform_writer(design, windows, at, rows):
     """Function that writes golden.vcd, of the dense windows at their own times, and golden.gtkw into a folder."""
-    listed = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in design.columns]
-    listed += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in design.registers]
-    listed += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in design.pins]
+    signals = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in design.columns]
+    signals += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in design.registers]
+    signals += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in design.pins]
     dense = np.zeros(len(at), bool)
     for w in windows:
         dense |= (at >= w.first) & (at < w.first + w.count)
 
     def write(folder):
         waves, setup = folder / "golden.vcd", folder / "golden.gtkw"
-        vcd.write_vcd(waves, rows[dense], listed, top=design.stem, edges=at[dense])
-        vcd.write_gtkw(setup, waves, listed, top=design.stem, expanded=("in", "out"))
+        vcd.write_vcd(waves, rows[dense], signals, top=design.stem, edges=at[dense])
+        vcd.write_gtkw(setup, waves, signals, top=design.stem, expanded=("in", "out"))
         for path in (waves, setup):
             path.write_bytes(path.read_bytes().replace(f"ftr-gyro {VERSION}".encode(), b"ftr-gyro", 1))
 
     return write
 
 
-def _manifest(design, r, at, counts, clocks):
+def _replay_manifest(design, r, at, counts, clocks):
     ports = {
         "inputs": [bundle.port(p) for p in design.columns],
         "registers": [bundle.port(p) for p in design.registers],
@@ -215,22 +215,25 @@ def _manifest(design, r, at, counts, clocks):
     }
 
 
-def level_of(manifest):
+def bundle_level(manifest):
     """Level of a bundle of the whole design: `pins` if it has no registers."""
     return "registers" if manifest["registers"] else "pins"
 
 
-def late_of(folder, manifest):
+def pin_delays(folder, manifest):
     """{pin: clocks that it comes later} of a bundle of the pins."""
     path = Path(folder) / bundle.MANIFEST
-    clocks, pins = inputs.checked(manifest.get("clocks", {}), dict[str, int], path), [p.name for p in block({}).pins]
+    clocks, pins = (
+        inputs.validate_data(manifest.get("clocks", {}), dict[str, int], path),
+        [p.name for p in make_block({}).pins],
+    )
     for name, k in clocks.items():
         if name not in pins or not 0 < k <= MOST_CLOCKS or manifest["registers"]:
             raise FileError(f"{path}: clocks: {name} = {k} is no pin that comes 1 .. {MOST_CLOCKS} clocks later")
     return clocks
 
 
-class Judged(NamedTuple):
+class ReplayReference(NamedTuple):
     """What of a replay is judged: the block, expected rows, a signature of each frame, {pin: clocks it comes later}."""
 
     design: blocks.Block
@@ -239,7 +242,9 @@ class Judged(NamedTuple):
     clocks: dict
 
 
-def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOWN_ROWS, more=None, clocks=None):
+def write(
+    r, folder, at=None, include_design=False, level="registers", reported_rows=SHOWN_ROWS, more=None, clocks=None
+):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
     of_board    the manifest names the design, even if it is the default one
@@ -249,59 +254,67 @@ def write(r, folder, at=None, of_board=False, level="registers", shown_rows=SHOW
     clocks      {pin: clocks that it comes later}, of level `pins`
     """
     d, pins_only = r.params.design, level == "pins"
-    design = block({r.name: r.params}, d if of_board or d != DEFAULT else None)
-    at = clocks_of(r) if at is None else at
+    design = make_block({r.name: r.params}, d if include_design or d != DEFAULT else None)
+    at = row_clocks(r) if at is None else at
     rows = replay.run(r.params, r.stimulus, r.frames, at, board_pins.Board(clocks), not pins_only)
     blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
     blocks.check(design.registers, rows.registers, f"{STEM}: register")
     blocks.check(design.pins, rows.pins, f"{STEM}: output")
-    pins = Judged(design._replace(registers=()), rows.board, rows.board_signatures.tolist(), clocks or {})
+    pins = ReplayReference(design._replace(registers=()), rows.board, rows.board_signatures.tolist(), clocks or {})
     if pins_only:
-        judged, beside = pins, {}
+        reference, pin_files = pins, {}
     else:
         signatures = [signature.remainder_signature(words) for words in rows.remainders]
-        judged = Judged(design, np.column_stack([rows.registers, rows.pins]), signatures, {})
-        beside = {f"{PINS}/{name}": text for name, text in _sealed(r, pins, at, rows.inputs, shown_rows).items()}
-    files, counts = _files(r, judged, at, rows.inputs, shown_rows)
-    listed = [(p.name, p) for p in design.columns] + benches.results(judged.design)
-    both = np.column_stack([rows.inputs, judged.exp])
+        reference = ReplayReference(design, np.column_stack([rows.registers, rows.pins]), signatures, {})
+        pin_files = {
+            f"{PINS}/{name}": text for name, text in _pin_bundle_texts(r, pins, at, rows.inputs, reported_rows).items()
+        }
+    files, counts = _files(r, reference, at, rows.inputs, reported_rows)
+    columns = [(p.name, p) for p in design.columns] + benches.results(reference.design)
+    both = np.column_stack([rows.inputs, reference.exp])
     files |= {
-        **bundle.port_files(listed, both),
-        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in listed], both),
-        **beside,
+        **bundle.port_files(columns, both),
+        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in columns], both),
+        **pin_files,
         **(more or {}),
     }
-    manifest = _manifest(judged.design, r, at, counts, judged.clocks)
-    return bundle.write(Path(folder), manifest, files, [_waves(judged.design, r.windows, at, both)], scores.note_score)
+    manifest = _replay_manifest(reference.design, r, at, counts, reference.clocks)
+    return bundle.write(
+        Path(folder),
+        manifest,
+        files,
+        [_window_waveform_writer(reference.design, r.windows, at, both)],
+        scores.note_score,
+    )
 
 
-def _sealed(r, judged, at, stim, shown_rows):
+def _pin_bundle_texts(r, reference, at, stim, reported_rows):
     """{path: text} of a bundle within another one: what `check.sh` needs, and a manifest without its origin."""
-    files, counts = _files(r, judged, at, stim, shown_rows)
-    manifest = _manifest(judged.design, r, at, counts, judged.clocks)
+    files, counts = _files(r, reference, at, stim, reported_rows)
+    manifest = _replay_manifest(reference.design, r, at, counts, reference.clocks)
     del manifest["provenance"]
     return files | {bundle.MANIFEST: bundle.manifest_text(bundle.sealed(manifest, files))}
 
 
-def _files(r, judged, at, stim, shown_rows):
+def _files(r, reference, at, stim, reported_rows):
     """({path: text} of what the benches open and of the benches, counts)."""
-    design, exp, _, clocks = judged
-    driven, found = [(p.name, p) for p in design.columns], benches.results(design)
+    design, exp, _, clocks = reference
+    driven, result_ports = [(p.name, p) for p in design.columns], benches.results(design)
     counts = {
         "frames": r.frames,
         "conversions": len(r.stimulus.adc),
         "host_events": len(r.stimulus.host),
         "samples": len(r.stimulus.sar),
-        "out_width": sum(p.width for _, p in found),
-        "shown_rows": shown_rows,
+        "out_width": sum(p.width for _, p in result_ports),
+        "shown_rows": reported_rows,
     }
     files = {
         "at.hex": _hex(at[:, None], [CLOCK_BITS]),
         "stim.hex": _hex(stim, [p.width for _, p in driven]),
-        "exp.hex": _hex(exp, [p.width for _, p in found]),
-        "sig.hex": bundle.hex_text(judged.signatures, signature.DEGREE),
+        "exp.hex": _hex(exp, [p.width for _, p in result_ports]),
+        "sig.hex": bundle.hex_text(reference.signatures, signature.DEGREE),
         **_inputs_hex(r.stimulus),
-        **top_benches.texts(design, r.name, len(at), counts, clocks),
+        **top_benches.top_bench_texts(design, r.name, len(at), counts, clocks),
     }
     return files, counts
 
@@ -335,17 +348,17 @@ def export_board(firmware, config, case, folder, frames=BOARD_FRAMES, progress=N
     Raises ConfigError for a firmware that the RTL of the whole design has not.
     """
     check_board(firmware, frames)
-    from testbench.golden.recording import record  # it knows plant and engine, which no other export does
+    from testbench.golden.recording import make_recordings  # it knows plant and engine, which no other export does
 
     if case == "reset":
-        r = record.reset_case(recording.load("story"), firmware)
+        r = make_recordings.reset_case(recording.load("story"), firmware)
     else:
-        made = record.Case(config, lambda _: firmware, frames, row_every=max(1, frames // BOARD_FRAMES))
-        r = record.closed_loop(case, made, progress)
-    return write(r._replace(windows=record.find_windows(r)), folder, of_board=True)
+        loop_case = make_recordings.Case(config, lambda _: firmware, frames, row_every=max(1, frames // BOARD_FRAMES))
+        r = make_recordings.record_closed_loop(case, loop_case, progress)
+    return write(r._replace(windows=make_recordings.find_windows(r)), folder, include_design=True)
 
 
-def begun(r, frames, windows):
+def first_frames(r, frames, windows):
     """The first frames of a recording, with rows at these windows and at the first clock."""
     adc, host, sar = r.stimulus
     d = r.params.design
@@ -371,21 +384,21 @@ def window(folder, clock, count, out=None):
     manifest = bundle.verify(folder)
     if manifest["schema"] != bundle.REPLAY_SCHEMA:
         raise ConfigError(f"{folder}: has every clock of {manifest['block']} already")
-    r = _shipped(folder, manifest) if "design" not in manifest else replayed(folder, manifest)
+    r = _shipped(folder, manifest) if "design" not in manifest else read_recording(folder, manifest)
     end = manifest["frames"] * manifest["frame_cycles"]
     if not 1 <= count <= MAX_WINDOW:
         raise ConfigError(f"--count: {count} is outside 1 .. {MAX_WINDOW} clocks")
     if not 0 <= clock <= end - count:
         raise ConfigError(f"--clock: {clock} .. {clock + count - 1} is outside 0 .. {end - 1}, the clocks of {r.name}")
     frames = -(-(clock + count) // manifest["frame_cycles"])
-    cut = begun(r, frames, (recording.Window(clock, count, "asked for"),))
-    out = _beside(folder, clock) if out is None else Path(out)
+    cut = first_frames(r, frames, (recording.Window(clock, count, "asked for"),))
+    out = _window_folder(folder, clock) if out is None else Path(out)
     return out, write(
-        cut, out, of_board="design" in manifest, level=level_of(manifest), clocks=late_of(folder, manifest)
+        cut, out, include_design="design" in manifest, level=bundle_level(manifest), clocks=pin_delays(folder, manifest)
     )
 
 
-def _beside(folder, clock):
+def _window_folder(folder, clock):
     """FOLDER_CLOCK; a bundle in another one must not grow there: BUNDLE_FOLDER_CLOCK beside that."""
     outer = folder.parent
     if (outer / bundle.MANIFEST).exists():

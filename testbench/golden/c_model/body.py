@@ -9,7 +9,7 @@ import re
 from typing import NamedTuple
 
 from testbench.golden.c_model.expressions import Expressions, Unsupported, Value, address, bare
-from testbench.golden.c_model.kinds import NUMBER, Known, aggregate, c_name
+from testbench.golden.c_model.kinds import NUMBER, StaticValue, aggregate, c_name
 
 
 class Signature(NamedTuple):
@@ -42,7 +42,7 @@ class Body(Expressions):
 
     # ---- blocks ------------------------------------------------------------------------------------------------------
 
-    def block(self, statements):
+    def write_statements(self, statements):
         """Write statements; True if they return."""
         for statement in statements:
             if isinstance(statement, ast.Return):
@@ -64,7 +64,7 @@ class Body(Expressions):
         """A block of its own: what it declares ends with it."""
         declared, env = set(self.declared), dict(self.env)
         self.depth += 1
-        ended = self.block(statements)
+        ended = self.write_statements(statements)
         self.depth -= 1
         self.declared, self.env = declared, env
         return ended
@@ -73,7 +73,7 @@ class Body(Expressions):
         """True if both ways return, or the one that is known to be taken."""
         test = self.test(statement.test)
         if isinstance(test, bool):
-            return self.block(statement.body if test else statement.orelse)
+            return self.write_statements(statement.body if test else statement.orelse)
         self.line(f"if ({bare(test)}) {{")
         ended = self._nested(statement.body)
         return self._otherwise(statement.orelse) and ended
@@ -101,7 +101,7 @@ class Body(Expressions):
     def _return(self, node):
         kind = self.kind(node)
         self._returned(kind)
-        if isinstance(kind, Known):
+        if isinstance(kind, StaticValue):
             return
         if aggregate(kind):
             self.fill("result", kind, node)
@@ -116,7 +116,7 @@ class Body(Expressions):
             self._assign_all(target.elts, node)
         elif isinstance(target, ast.Name):
             kind = self.kind(node)
-            if isinstance(kind, Known):
+            if isinstance(kind, StaticValue):
                 self.env[target.id] = Value(kind)
             else:
                 self._set(target.id, self.value(node))
@@ -126,7 +126,7 @@ class Body(Expressions):
     def _set(self, name, value):
         """Give a local name a value."""
         local = c_name(name)
-        if isinstance(self.env.get(name, value).kind, Known) or self.env.get(name, value).kind != value.kind:
+        if isinstance(self.env.get(name, value).kind, StaticValue) or self.env.get(name, value).kind != value.kind:
             raise Unsupported(f"{self.tree.name}: {name} is of two kinds")
         text = bare(value.text)
         if name in self.declared:
@@ -140,10 +140,10 @@ class Body(Expressions):
     def _assign_all(self, targets, node):
         """Several names at once; values that a name before them changes are taken first."""
         if not isinstance(node, ast.Tuple):
-            whole = self.value(node)
-            of = whole.kind.of
+            sequence = self.value(node)
+            element_kind = sequence.kind.of
             for k, target in enumerate(targets):
-                self._set(target.id, Value(of, address(of, f"{whole.text}[{k}]")))
+                self._set(target.id, Value(element_kind, address(element_kind, f"{sequence.text}[{k}]")))
             return
         names = [target.id for target in targets]
         hazard = any(_uses([part], name) for k, part in enumerate(node.elts) for name in names[:k])
@@ -153,11 +153,11 @@ class Body(Expressions):
             return
         values = []
         for name, part in zip(names, node.elts, strict=True):
-            found = self.value(part)
-            if found.kind != NUMBER:
+            part_value = self.value(part)
+            if part_value.kind != NUMBER:
                 raise Unsupported(ast.unparse(node))
             self.scratch.append(f"int64_t new_{c_name(name)};")
-            self.line(f"new_{c_name(name)} = {bare(found.text)};")
+            self.line(f"new_{c_name(name)} = {bare(part_value.text)};")
             values.append(Value(NUMBER, f"new_{c_name(name)}"))
         for name, value in zip(names, values):
             self._set(name, value)
@@ -171,14 +171,14 @@ class Body(Expressions):
             local = c_name(item.arg)
             self.env[item.arg] = Value(kind, local)
             self.declared.add(item.arg)
-            if isinstance(kind, Known):
+            if isinstance(kind, StaticValue):
                 continue
             heads.append(f"const {kind.c_name} *{local}" if aggregate(kind) else f"int64_t {local}")
             unused.append((item.arg, local))
-        if not self.block(self.tree.body):
+        if not self.write_statements(self.tree.body):
             raise Unsupported(f"{self.tree.name}: a way through it returns nothing")
         result = self.results[0]
-        if isinstance(result, Known):
+        if isinstance(result, StaticValue):
             return Signature(name, kinds, result, "", "")
         if aggregate(result):
             heads.append(f"{result.c_name} *result")

@@ -8,11 +8,11 @@ Source  docs/c_model.md
 """
 
 
-def _width(ports):
+def _port_bits(ports):
     return sum(port.width for port in ports)
 
 
-def _joined(names, indent):
+def _join_names(names, indent):
     """Names side by side, some to a line."""
     lines = [", ".join(names[k : k + 6]) for k in range(0, len(names), 6)]
     return (",\n" + " " * indent).join(lines)
@@ -23,18 +23,18 @@ def _literal(value):
     return f"64'sd{value}" if value >= 0 else f"-64'sd{-value}"
 
 
-def scoreboard(made):
+def scoreboard(c_block):
     """Text of BLOCK_scoreboard.sv."""
-    b = made.ports
-    given, shown = _width(b.inputs), _width((*b.registers, *b.pins))
+    b = c_block.ports
+    input_width, result_width = _port_bits(b.inputs), _port_bits((*b.registers, *b.pins))
     inputs = [p.name for p in b.inputs]
     results = [f"r_{p.name}" for p in b.registers] + [f"o_{p.name}" for p in b.pins]
     ports = ["    input wire clk", "    input wire rst"]
     ports += [f"    input wire [{p.width - 1}:0] {name}" for name, p in zip(inputs, b.inputs)]
     ports += [f"    input wire [{p.width - 1}:0] {name}" for name, p in zip(results, (*b.registers, *b.pins))]
-    params = [f"    parameter longint {name} = {_literal(value)}" for name, _, value, _ in made.params]
+    params = [f"    parameter longint {name} = {_literal(value)}" for name, _, value, _ in c_block.params]
     head = " #(\n" + ",\n".join(params) + "\n)" if params else ""
-    sets = [f'        void\'(gyro_dpi_set(model, "{name}", {name}));' for name, _, _, _ in made.params]
+    sets = [f'        void\'(gyro_dpi_set(model, "{name}", {name}));' for name, _, _, _ in c_block.params]
     return "\n".join(
         [
             f"// The model of {b.stem} beside a design: the first clock in which a port differs ends the simulation.",
@@ -43,13 +43,13 @@ def scoreboard(made):
             ");",
             "    import gyro_dpi::*;",
             f'    import "DPI-C" function int gyro_{b.stem}_dpi_clock(',
-            f"        input chandle model, input bit rst, input bit [{given - 1}:0] given,",
-            f"        input bit [{shown - 1}:0] shown, input bit [{shown - 1}:0] known);",
+            f"        input chandle model, input bit rst, input bit [{input_width - 1}:0] given,",
+            f"        input bit [{result_width - 1}:0] shown, input bit [{result_width - 1}:0] known);",
             "",
             "    chandle model;",
             "    int found;",
-            f"    wire [{given - 1}:0] given = {{{_joined(inputs, 8)}}};",
-            f"    wire [{shown - 1}:0] shown = {{{_joined(results, 8)}}};",
+            f"    wire [{input_width - 1}:0] given = {{{_join_names(inputs, 8)}}};",
+            f"    wire [{result_width - 1}:0] shown = {{{_join_names(results, 8)}}};",
             "",
             "    initial begin",
             f'        model = gyro_dpi_open("{b.stem}");',
@@ -73,30 +73,32 @@ def scoreboard(made):
     )
 
 
-def bind(made):
+def bind(c_block):
     """Text of BLOCK_bind.sv."""
-    b = made.ports
+    b = c_block.ports
     names = ["clk", "rst", *(p.name for p in b.inputs)]
     names += [f"r_{p.name}" for p in b.registers] + [f"o_{p.name}" for p in b.pins]
-    params = ", ".join(f".{name}({name})" for name, _, _, _ in made.params)
-    ports = _joined([f".{name}({name})" for name in names], 4)
+    params = ", ".join(f".{name}({name})" for name, _, _, _ in c_block.params)
+    ports = _join_names([f".{name}({name})" for name in names], 4)
     head = f" #({params})" if params else ""
     return f"bind gyro_{b.stem} gyro_{b.stem}_scoreboard{head} scoreboard (\n    {ports});\n"
 
 
-def functions(made):
+def functions(c_blocks):
     """Text of gyro_dpi_blocks.c."""
     lines = ['#include "gyro_dpi.h"', ""]
-    for found in made:
-        name = f"gyro_{found.ports.stem}_dpi_clock"
-        given = "void *model, svBit rst, const svBitVecVal *given, const svBitVecVal *shown, const svBitVecVal *known"
-        lines += [f"int {name}({given});", f"int {name}({given}) {{"]
+    for c_block in c_blocks:
+        name = f"gyro_{c_block.ports.stem}_dpi_clock"
+        parameters = (
+            "void *model, svBit rst, const svBitVecVal *given, const svBitVecVal *shown, const svBitVecVal *known"
+        )
+        lines += [f"int {name}({parameters});", f"int {name}({parameters}) {{"]
         lines += ["    return gyro_dpi_clock(model, rst, given, shown, known);", "}", ""]
     return "\n".join(lines)
 
 
-def texts(made):
+def dpi_texts(c_blocks):
     """{path: text} of all of them."""
-    files = {f"dpi/{m.ports.stem}_scoreboard.sv": scoreboard(m) for m in made}
-    files |= {f"dpi/{m.ports.stem}_bind.sv": bind(m) for m in made}
-    return files | {"dpi/gyro_dpi_blocks.c": functions(made)}
+    files = {f"dpi/{c_block.ports.stem}_scoreboard.sv": scoreboard(c_block) for c_block in c_blocks}
+    files |= {f"dpi/{c_block.ports.stem}_bind.sv": bind(c_block) for c_block in c_blocks}
+    return files | {"dpi/gyro_dpi_blocks.c": functions(c_blocks)}

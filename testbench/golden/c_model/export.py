@@ -16,14 +16,14 @@ from pathlib import Path
 from analog_frontend.parts import adc_serial
 from testbench.errors import ConfigError
 from testbench.golden.bundles import design_entry
-from testbench.golden.c_model import dpi, rows
-from testbench.golden.c_model.kinds import NUMBER, kind_of
+from testbench.golden.c_model import dpi, flat_ports
+from testbench.golden.c_model.kinds import NUMBER, infer_kind
 from testbench.golden.recording import recording
 from testbench.storage.files import replacing_folder
 
 TEMPLATES = Path(__file__).with_name("templates")
 GOLDEN = "golden"
-PLACES = {"gyro_dpi": "dpi"}
+FOLDERS = {"gyro_dpi": "dpi"}
 MODEL = ("integers.h", "integers.c", "blocks.h", "blocks.c")
 
 
@@ -37,37 +37,37 @@ def model(params, extend=None):
 
     extend(program, made)  writes more functions; `made` is the whole design
     """
-    program, made = rows.of_firmware(params)
-    return _model(program, made, extend)
+    program, c_blocks = flat_ports.translate_firmware(params)
+    return _model(program, c_blocks, extend)
 
 
-def _model(program, made, extend=None):
+def _model(program, c_blocks, extend=None):
     # the digital side of the converter, which answers the firmware in the runner
-    chip = kind_of(adc_serial.State())
+    chip = infer_kind(adc_serial.State())
     program.declare(chip)
-    codes = kind_of((0,) * adc_serial.CHANNELS)
+    codes = infer_kind((0,) * adc_serial.CHANNELS)
     program.function(adc_serial.step, (NUMBER, chip, NUMBER, NUMBER, NUMBER, NUMBER, codes))
     for name in program.design._fields:
         program.key(name)
     if extend:
-        extend(program, made[-1])
+        extend(program, c_blocks[-1])
     files = {name: (TEMPLATES / name).read_text() for name in MODEL}
     for stem in program.parts:
         files[f"{stem}.h"] = program.header(stem)
         files[f"{stem}.c"] = program.source(stem)
-    return files | {"blocks_of_design.c": rows.text(program, made)}
+    return files | {"blocks_of_design.c": flat_ports.text(program, c_blocks)}
 
 
-def texts(params):
+def folder_texts(params):
     """{path: text} of a folder of C for a firmware (`top.Params`)."""
-    program, made = rows.of_firmware(params)
+    program, c_blocks = flat_ports.translate_firmware(params)
     files = {"Makefile": (TEMPLATES / "Makefile").read_text()}
     for path in sorted(TEMPLATES.iterdir()):
         if path.suffix in (".c", ".h", ".sv") and path.name not in MODEL:
-            files[f"{PLACES.get(path.stem, 'check')}/{path.name}"] = path.read_text()
+            files[f"{FOLDERS.get(path.stem, 'check')}/{path.name}"] = path.read_text()
     files |= {f"embedded/{path.name}": path.read_text() for path in sorted((TEMPLATES / "embedded").iterdir())}
-    files |= {f"model/{name}": text for name, text in _model(program, made).items()}
-    return files | dpi.texts(made)
+    files |= {f"model/{name}": text for name, text in _model(program, c_blocks).items()}
+    return files | dpi.dpi_texts(c_blocks)
 
 
 def export(folder, config=None, fill=None):
@@ -75,7 +75,7 @@ def export(folder, config=None, fill=None):
 
     fill  function that writes more into the new folder, which takes its place as a whole
     """
-    folder, files = Path(folder), texts(firmware(config))
+    folder, files = Path(folder), folder_texts(firmware(config))
     for path in sorted(folder.glob("*/*.[ch]")):
         if path.relative_to(folder).as_posix() not in files:
             raise ConfigError(f"{path} is not of this model: make would compile it; move it, or name another folder")

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from fpga_model.design_record import Design
-from testbench.golden.c_model.kinds import NUMBER, Array, Known, Record, aggregate, c_name
+from testbench.golden.c_model.kinds import NUMBER, Array, Record, StaticValue, aggregate, c_name
 
 BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^"}
 SHIFTS = {ast.LShift: "gyro_shl", ast.RShift: "gyro_shr"}
@@ -44,9 +44,9 @@ def member(pointer, name):
     return f"{pointer[1:]}.{name}" if pointer.startswith("&") else f"{pointer}->{name}"
 
 
-def address(kind, place):
+def address(kind, lvalue):
     """Pointer to a place of a kind; the name of an array is one."""
-    return f"&{place}" if isinstance(kind, Record) else place
+    return f"&{lvalue}" if isinstance(kind, Record) else lvalue
 
 
 def _closes(text):
@@ -97,23 +97,23 @@ class Expressions:
 
     def number(self, node):
         """Text of an expression that is a number."""
-        found = self.value(node)
-        if found.kind != NUMBER:
+        value = self.value(node)
+        if value.kind != NUMBER:
             raise Unsupported(f"{ast.unparse(node)} is no number")
-        return found.text
+        return value.text
 
-    def given(self, node):
+    def bare_number(self, node):
         """Text of a number as an argument."""
         return bare(self.number(node))
 
-    def known(self, value, name):
+    def module_value(self, value, name):
         """A value behind a name of a module: a constant, or what is known."""
         if isinstance(value, (bool, int, np.integer)):
             return Value(NUMBER, self.program.constant(self.module, name, int(value)))
-        return Value(Known(value))
+        return Value(StaticValue(value))
 
     def _constant(self, node):
-        return Value(Known(None)) if node.value is None else Value(NUMBER, literal(node.value))
+        return Value(StaticValue(None)) if node.value is None else Value(NUMBER, literal(node.value))
 
     def _name(self, node):
         if node.id in self.env:
@@ -121,26 +121,26 @@ class Expressions:
         if node.id in self.local:
             raise Unsupported(f"{node.id} is first assigned in one way of an if")
         if node.id in self.globals:
-            return self.known(self.globals[node.id], node.id)
-        return Value(Known({"int": int, "abs": abs}[node.id]))
+            return self.module_value(self.globals[node.id], node.id)
+        return Value(StaticValue({"int": int, "abs": abs}[node.id]))
 
     def _attribute(self, node):
         base = self.value(node.value)
         if isinstance(base.kind, Record):
-            kind = base.kind.kind_of(node.attr)
-            if isinstance(kind, Known):
+            kind = base.kind.field_kind(node.attr)
+            if isinstance(kind, StaticValue):
                 return Value(kind)
-            place = member(base.text, c_name(node.attr))
-            return Value(kind, address(kind, place))
-        of = base.kind.value
-        found = getattr(of, node.attr)
-        if isinstance(of, Design):
+            lvalue = member(base.text, c_name(node.attr))
+            return Value(kind, address(kind, lvalue))
+        owner = base.kind.value
+        member_value = getattr(owner, node.attr)
+        if isinstance(owner, Design):
             return Value(NUMBER, self.program.key(node.attr))
-        if isinstance(of, ModuleType):
-            if isinstance(found, (int, np.integer)):
-                return Value(NUMBER, self.program.constant(of.__name__, node.attr, int(found)))
-            return Value(Known(found))
-        return self.known(found, ast.unparse(node))
+        if isinstance(owner, ModuleType):
+            if isinstance(member_value, (int, np.integer)):
+                return Value(NUMBER, self.program.constant(owner.__name__, node.attr, int(member_value)))
+            return Value(StaticValue(member_value))
+        return self.module_value(member_value, ast.unparse(node))
 
     def _unaryop(self, node):
         if isinstance(node.op, ast.Not):
@@ -150,9 +150,11 @@ class Expressions:
 
     def _binop(self, node):
         if type(node.op) in SHIFTS:
-            return Value(NUMBER, f"{SHIFTS[type(node.op)]}({self.given(node.left)}, {self.given(node.right)})")
+            return Value(
+                NUMBER, f"{SHIFTS[type(node.op)]}({self.bare_number(node.left)}, {self.bare_number(node.right)})"
+            )
         if isinstance(node.op, ast.Add) and aggregate(self.kind(node.left)):
-            return self.made(node)
+            return self.build_aggregate(node)
         if type(node.op) not in BINARY:
             raise Unsupported(ast.unparse(node))
         return Value(NUMBER, f"({self.number(node.left)} {BINARY[type(node.op)]} {self.number(node.right)})")
@@ -182,61 +184,63 @@ class Expressions:
         if isinstance(test, bool):
             return self.value(node.body if test else node.orelse)
         if aggregate(self.kind(node.body)):
-            return self.made(node)
+            return self.build_aggregate(node)
         return Value(NUMBER, f"({test} ? {self.number(node.body)} : {self.number(node.orelse)})")
 
     def _subscript(self, node):
         base = self.value(node.value)
         if isinstance(node.slice, ast.Slice):
-            return self.made(node)
-        if isinstance(base.kind, Known):
+            return self.build_aggregate(node)
+        if isinstance(base.kind, StaticValue):
             if isinstance(node.slice, ast.Constant):
                 return Value(NUMBER, literal(base.kind.value[node.slice.value]))
             table = self.program.table(base.kind.value, self.module, ast.unparse(node.value))
-            return Value(NUMBER, f"{table}[{self.given(node.slice)}]")
-        return Value(base.kind.of, address(base.kind.of, f"{base.text}[{self.given(node.slice)}]"))
+            return Value(NUMBER, f"{table}[{self.bare_number(node.slice)}]")
+        return Value(base.kind.of, address(base.kind.of, f"{base.text}[{self.bare_number(node.slice)}]"))
 
     def _tuple(self, node):
-        return self.made(node)
+        return self.build_aggregate(node)
 
     def _call(self, node):
-        func, given = self.called(node)
+        func, argument_nodes = self.resolve_call(node)
         if func is int:
-            return Value(NUMBER, self.number(given[0]))
+            return Value(NUMBER, self.number(argument_nodes[0]))
         if func is abs:
-            return Value(NUMBER, f"gyro_abs({self.given(given[0])})")
+            return Value(NUMBER, f"gyro_abs({self.bare_number(argument_nodes[0])})")
         if isinstance(func, type):
-            return self.made(node)
-        found = self.signature(func, given)
-        if isinstance(found.result, Known):
-            return Value(found.result)
+            return self.build_aggregate(node)
+        signature = self.signature(func, argument_nodes)
+        if isinstance(signature.result, StaticValue):
+            return Value(signature.result)
         return (
-            self.made(node)
-            if aggregate(found.result)
-            else Value(NUMBER, f"{found.name}({self.arguments(found, given)})")
+            self.build_aggregate(node)
+            if aggregate(signature.result)
+            else Value(NUMBER, f"{signature.name}({self.arguments(signature, argument_nodes)})")
         )
 
     # ---- calls -------------------------------------------------------------------------------------------------------
 
-    def called(self, node):
+    def resolve_call(self, node):
         """(function or record, nodes of its arguments in order, None for one that is not given)."""
         func = self.value(node.func).kind.value
         if func in (int, abs):
             return func, node.args
-        func = func if isinstance(func, type) else python_of(func)
-        named = {item.arg: item.value for item in node.keywords}
+        func = func if isinstance(func, type) else python_function(func)
+        keyword_nodes = {item.arg: item.value for item in node.keywords}
         if isinstance(func, type):
-            given = dict(zip(func._fields, node.args)) | named
-            return func, [given[name] for name in func._fields]
-        return func, list(inspect.signature(func).bind(*node.args, **named).arguments.values())
+            nodes_by_name = dict(zip(func._fields, node.args)) | keyword_nodes
+            return func, [nodes_by_name[name] for name in func._fields]
+        return func, list(inspect.signature(func).bind(*node.args, **keyword_nodes).arguments.values())
 
-    def signature(self, func, given):
-        return self.program.function(func, tuple(self.kind(part) for part in given))
+    def signature(self, func, argument_nodes):
+        return self.program.function(func, tuple(self.kind(part) for part in argument_nodes))
 
-    def arguments(self, found, given):
+    def arguments(self, signature, argument_nodes):
         """Texts of the arguments that C has."""
         return ", ".join(
-            bare(self.value(part).text) for part, kind in zip(given, found.kinds) if not isinstance(kind, Known)
+            bare(self.value(part).text)
+            for part, kind in zip(argument_nodes, signature.kinds)
+            if not isinstance(kind, StaticValue)
         )
 
     # ---- conditions --------------------------------------------------------------------------------------------------
@@ -244,8 +248,8 @@ class Expressions:
     def test(self, node):
         """Text of a condition, or True or False where it is known."""
         if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Is):
-            left, right = self.kind(node.left), self.kind(node.comparators[0])
-            return isinstance(left, Known) and left == right
+            lhs_kind, rhs_kind = self.kind(node.left), self.kind(node.comparators[0])
+            return isinstance(lhs_kind, StaticValue) and lhs_kind == rhs_kind
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             return f"!{self.test(node.operand)}"
         if isinstance(node, ast.BoolOp):
@@ -260,8 +264,8 @@ class Expressions:
         if isinstance(node, ast.Tuple):
             return Array(self.kind(node.elts[0]), len(node.elts))
         if isinstance(node, ast.BinOp):
-            left = self.kind(node.left)
-            return Array(left.of, left.count + self.kind(node.right).count) if aggregate(left) else NUMBER
+            lhs_kind = self.kind(node.left)
+            return Array(lhs_kind.of, lhs_kind.count + self.kind(node.right).count) if aggregate(lhs_kind) else NUMBER
         if isinstance(node, (ast.UnaryOp, ast.Compare, ast.BoolOp)):
             return NUMBER
         if isinstance(node, ast.IfExp):
@@ -270,24 +274,24 @@ class Expressions:
         if isinstance(node, ast.Subscript):
             return self._kind_of_part(node)
         if isinstance(node, ast.Call):
-            func, given = self.called(node)
+            func, argument_nodes = self.resolve_call(node)
             if func in (int, abs):
                 return NUMBER
-            return self.program.record(func) if isinstance(func, type) else self.signature(func, given).result
+            return self.program.record(func) if isinstance(func, type) else self.signature(func, argument_nodes).result
         if isinstance(node, ast.Attribute):
             base = self.kind(node.value)
-            return base.kind_of(node.attr) if isinstance(base, Record) else self.value(node).kind
+            return base.field_kind(node.attr) if isinstance(base, Record) else self.value(node).kind
         return self.value(node).kind
 
     def _kind_of_part(self, node):
         base = self.kind(node.value)
         if isinstance(node.slice, ast.Slice):
-            return Array(base.of, len(self.places(node)))
-        return NUMBER if isinstance(base, Known) else base.of
+            return Array(base.of, len(self.elements(node)))
+        return NUMBER if isinstance(base, StaticValue) else base.of
 
     # ---- records and arrays ------------------------------------------------------------------------------------------
 
-    def made(self, node):
+    def build_aggregate(self, node):
         """A record or array that an expression makes, in a variable of its own."""
         kind = self.kind(node)
         target = self.temporary(kind)
@@ -301,17 +305,17 @@ class Expressions:
         elif isinstance(node, (ast.Tuple, ast.BinOp)) or (
             isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)
         ):
-            for k, part in enumerate(self.places(node)):
+            for k, part in enumerate(self.elements(node)):
                 self._store(f"{target}[{k}]", kind.of, part)
         elif isinstance(node, ast.Call):
-            func, given = self.called(node)
+            func, argument_nodes = self.resolve_call(node)
             if not isinstance(func, type):
-                found = self.signature(func, given)
-                arguments = self.arguments(found, given)
-                self.line(f"{found.name}({arguments}{', ' if arguments else ''}{target});")
+                signature = self.signature(func, argument_nodes)
+                arguments = self.arguments(signature, argument_nodes)
+                self.line(f"{signature.name}({arguments}{', ' if arguments else ''}{target});")
                 return
-            for (name, part_kind), part in zip(kind.fields, given, strict=True):
-                if not isinstance(part_kind, Known):
+            for (name, part_kind), part in zip(kind.fields, argument_nodes, strict=True):
+                if not isinstance(part_kind, StaticValue):
                     self._store(member(target, c_name(name)), part_kind, part)
         else:
             self._copy(target, kind, self.value(node).text)
@@ -335,28 +339,28 @@ class Expressions:
             self.line(f"{target[1:] if target.startswith('&') else '*' + target} = "
                       f"{source[1:] if source.startswith('&') else '*' + source};")  # fmt: skip
 
-    def _store(self, place, kind, part):
+    def _store(self, lvalue, kind, part):
         """Write a node, or a value that is there, to a place."""
         if isinstance(part, Value):
             if aggregate(kind):
-                self._copy(address(kind, place), kind, part.text)
+                self._copy(address(kind, lvalue), kind, part.text)
             else:
-                self.line(f"{place} = {part.text};")
+                self.line(f"{lvalue} = {part.text};")
         elif aggregate(kind):
-            self.fill(address(kind, place), kind, part)
+            self.fill(address(kind, lvalue), kind, part)
         else:
-            self.line(f"{place} = {self.given(part)};")
+            self.line(f"{lvalue} = {self.bare_number(part)};")
 
-    def places(self, node):
+    def elements(self, node):
         """Elements of a tuple, of a sum of tuples or of a slice: nodes, or values."""
         if isinstance(node, ast.Tuple):
             return list(node.elts)
         if isinstance(node, ast.BinOp):
-            return self.places(node.left) + self.places(node.right)
-        whole = node.value if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice) else node
-        base = self.value(whole)
-        found = [Value(base.kind.of, address(base.kind.of, f"{base.text}[{k}]")) for k in range(base.kind.count)]
-        if whole is node:
-            return found
+            return self.elements(node.left) + self.elements(node.right)
+        sequence_node = node.value if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice) else node
+        base = self.value(sequence_node)
+        elements = [Value(base.kind.of, address(base.kind.of, f"{base.text}[{k}]")) for k in range(base.kind.count)]
+        if sequence_node is node:
+            return elements
         ends = [end and ast.literal_eval(end) for end in (node.slice.lower, node.slice.upper)]
-        return found[slice(*ends)]
+        return elements[slice(*ends)]

@@ -34,14 +34,14 @@ class Number(NamedTuple):
 NUMBER = Number()
 
 
-class Known:
+class StaticValue:
     """A value that is known when the C is written; two are one kind if they are one object."""
 
     def __init__(self, value):
         self.value = value
 
     def __eq__(self, other):
-        return isinstance(other, Known) and self.value is other.value
+        return isinstance(other, StaticValue) and self.value is other.value
 
     def __hash__(self):
         return id(self.value)
@@ -71,9 +71,9 @@ class Record(NamedTuple):
     @property
     def members(self):
         """(name, kind) of what the struct holds."""
-        return [(name, kind) for name, kind in self.fields if not isinstance(kind, Known)]
+        return [(name, kind) for name, kind in self.fields if not isinstance(kind, StaticValue)]
 
-    def kind_of(self, name):
+    def field_kind(self, name):
         return dict(self.fields)[name]
 
 
@@ -91,24 +91,24 @@ def aggregate(kind):
     return isinstance(kind, (Record, Array))
 
 
-def kind_of(example):
+def infer_kind(example):
     """Kind of a value, or of a shape of formats."""
     if isinstance(example, (int, np.integer, Fmt)):
         return NUMBER
     if example is None or isinstance(example, (Design, np.ndarray)):
-        return Known(example)
+        return StaticValue(example)
     if hasattr(example, "_fields"):
-        return Record(type(example), tuple((name, kind_of(item)) for name, item in zip(example._fields, example)))
-    items = {kind_of(item) for item in example}
+        return Record(type(example), tuple((name, infer_kind(item)) for name, item in zip(example._fields, example)))
+    items = {infer_kind(item) for item in example}
     if len(items) != 1:
         raise TypeError(f"tuple of {len(items)} kinds, expected 1: {example!r}")
     return Array(items.pop(), len(example))
 
 
-def count_of(kind):
+def number_count(kind):
     """Numbers that a kind holds."""
     if isinstance(kind, Array):
-        return kind.count * count_of(kind.of)
+        return kind.count * number_count(kind.of)
     if isinstance(kind, Record):
-        return sum(count_of(item) for _, item in kind.members)
+        return sum(number_count(item) for _, item in kind.members)
     return 1

@@ -7,11 +7,11 @@ import inspect
 import re
 from dataclasses import dataclass, field
 
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from fpga_model.fixed import formats
 from testbench.golden.c_model.body import Body
 from testbench.golden.c_model.expressions import Unsupported, literal
-from testbench.golden.c_model.kinds import Array, Known, Record, c_name, kind_of, prefix
+from testbench.golden.c_model.kinds import Array, Record, StaticValue, c_name, infer_kind, prefix
 from testbench.golden.ranges.interpreter import source
 
 DESIGN = "design"
@@ -40,7 +40,7 @@ class Program:
 
     def __init__(self, design):
         self.design = design
-        self.parts, self.known, self.records, self.tables, self.taken = {}, {}, {}, {}, set()
+        self.parts, self.signatures, self.records, self.tables, self.used_names = {}, {}, {}, {}, set()
 
     def part(self, module):
         return self.parts.setdefault(module.rpartition(".")[2], Part())
@@ -89,32 +89,32 @@ class Program:
         """Kind of a NamedTuple."""
         if of not in self.records:
             shape = formats(of, self.design)
-            self.declare(kind_of(shape), shape)
+            self.declare(infer_kind(shape), shape)
         return self.records[of]
 
     # ---- functions ---------------------------------------------------------------------------------------------------
 
     def function(self, func, kinds):
         """`Signature` of a function of a kernel for kinds of arguments, written once."""
-        func = python_of(func)
+        func = python_function(func)
         key = func, kinds
-        if key not in self.known:
+        if key not in self.signatures:
             if not inspect.isfunction(func):
                 raise Unsupported(f"call of {func!r}")
             for kind in kinds:
-                if not isinstance(kind, Known):
+                if not isinstance(kind, StaticValue):
                     self.declare(kind)
             plain = f"{prefix(func.__module__)}_{func.__name__.lstrip('_')}"
             names = (plain if n == 1 else f"{plain}_{n}" for n in range(1, 100))
-            name = next(name for name in names if name not in self.taken)
-            self.taken.add(name)
+            name = next(name for name in names if name not in self.used_names)
+            self.used_names.add(name)
             try:
-                self.known[key] = Body(self, func, source(func).tree).function(name, kinds)
+                self.signatures[key] = Body(self, func, source(func).tree).function(name, kinds)
             except (Unsupported, AttributeError, KeyError) as error:
                 raise Unsupported(f"{func.__module__}.{func.__name__}: {error}") from error
-            if self.known[key].text:
-                self.part(func.__module__).functions.append(self.known[key])
-        return self.known[key]
+            if self.signatures[key].text:
+                self.part(func.__module__).functions.append(self.signatures[key])
+        return self.signatures[key]
 
     # ---- texts -------------------------------------------------------------------------------------------------------
 
@@ -140,5 +140,5 @@ class Program:
         for name, words in part.tables.items():
             rows = [", ".join(literal(word) for word in words[k : k + 8]) for k in range(0, len(words), 8)]
             lines += [f"const int64_t {name}[{len(words)}] = {{", *(f"    {row}," for row in rows), "};", ""]
-        lines += [f"extern inline {found.head};" for found in part.functions]
+        lines += [f"extern inline {signature.head};" for signature in part.functions]
         return "\n".join([*lines, ""])

@@ -83,7 +83,7 @@ class Report(NamedTuple):
     def passed(self):
         return self.divergence is None
 
-    def causes(self):
+    def cause_entries(self):
         """[{cause, register, share of rows explained, what}] in order of rank; empty: unknown."""
         return [cause._asdict() for cause in self.diagnosis]
 
@@ -95,7 +95,7 @@ class Report(NamedTuple):
             "time_ns": d.time_ns, "error_lsb": d.error_lsb, "also": list(d.also),
             "before": [{"clock": c, "expected": e, "got": g} for c, e, g in d.before],
         }  # fmt: skip
-        kept = (
+        report_keys = (
             "block",
             "case",
             "level",
@@ -107,7 +107,9 @@ class Report(NamedTuple):
             "clocks",
             "differing",
         )
-        return {"passed": self.passed, "first": first, "diagnosis": self.causes()} | {k: getattr(self, k) for k in kept}
+        return {"passed": self.passed, "first": first, "diagnosis": self.cause_entries()} | {
+            k: getattr(self, k) for k in report_keys
+        }
 
     def to_json(self):
         """The result as JSON text with sorted keys."""
@@ -140,30 +142,33 @@ class Report(NamedTuple):
 
     def why(self):
         """The lines of the diagnosis."""
-        said = [cause.text() for cause in self.diagnosis] or ["unknown: no cause of the list explains the rows"]
+        diagnosis_lines = [cause.text() for cause in self.diagnosis] or [
+            "unknown: no cause of the list explains the rows"
+        ]
         if self.divergence.is_input:
-            said = ["none: the design was not given the golden stimulus"]
-        return "".join(f"{'diagnosis' if k == 0 else '':18}{line}\n" for k, line in enumerate(said))
+            diagnosis_lines = ["none: the design was not given the golden stimulus"]
+        return "".join(f"{'diagnosis' if k == 0 else '':18}{line}\n" for k, line in enumerate(diagnosis_lines))
 
     def _rows_before(self):
         d = self.divergence
-        shown = [d.port, *[name for name in self.ports if name != d.port]][:8]
-        late = d.cycle - d.before[-1][0] if d.before else 0
-        table = [["row" if late else "cycle", *shown]]
+        port_names = [d.port, *[name for name in self.ports if name != d.port]][:8]
+        row_offset = d.cycle - d.before[-1][0] if d.before else 0
+        table = [["row" if row_offset else "cycle", *port_names]]
         for cycle, want, got in d.before:
             cells = [
-                str(want[n]) if got[n] == want[n] else f"{want[n]} / {'x' if got[n] is None else got[n]}" for n in shown
+                str(want[n]) if got[n] == want[n] else f"{want[n]} / {'x' if got[n] is None else got[n]}"
+                for n in port_names
             ]
             table.append([str(cycle), *cells])
         widths = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
         lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths)) for row in table]
-        moved = f"; row n of {d.port} is cycle n + {late} of the design" if late else ""
-        return [*lines, f"(expected / got where they differ{moved})"]
+        offset_note = f"; row n of {d.port} is cycle n + {row_offset} of the design" if row_offset else ""
+        return [*lines, f"(expected / got where they differ{offset_note})"]
 
 
 def _ports(manifest, kinds):
     """{name: (Fmt, reset, width)} of some of the manifest's lists."""
-    found = {}
+    ports = {}
     for kind in kinds:
         for port in manifest.get(kind, []):
             try:
@@ -175,8 +180,8 @@ def _ports(manifest, kinds):
                 raise FileError(f"manifest: port {name}: width {port['width']} is not that of format {fmt}")
             if not 0 < fmt.width <= MAX_WIDTH:
                 raise FileError(f"manifest: port {name}: {fmt.width} bits, the limit is {MAX_WIDTH}")
-            found[name] = (fmt, reset)
-    return found
+            ports[name] = (fmt, reset)
+    return ports
 
 
 def formats(manifest):
@@ -186,7 +191,7 @@ def formats(manifest):
     return {name: fmt for name, (fmt, _) in _ports(manifest, ("inputs", "registers", "outputs")).items()}
 
 
-def _column(value):
+def _as_column(value):
     if isinstance(value, Column):
         return value
     values = np.asarray(value, np.int64)
@@ -223,10 +228,10 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
     terms             `Terms`; columns of a late port have been moved to the golden rows
     """
     fmts = formats(manifest)
-    unknown = sorted(set(got) - set(fmts))
-    if unknown:
-        raise FileError(f"log: port {unknown[0]} is not in the manifest of {manifest['block']}")
-    logged = {name: _column(got[name]) for name in fmts if name in got}
+    stray_ports = sorted(set(got) - set(fmts))
+    if stray_ports:
+        raise FileError(f"log: port {stray_ports[0]} is not in the manifest of {manifest['block']}")
+    logged = {name: _as_column(got[name]) for name in fmts if name in got}
     if not set(logged) & set(expected):
         raise FileError(f"log: no register or output of {manifest['block']}; it has {', '.join(expected)}")
     n = min([manifest["n"], *[len(column.values) for column in logged.values()]])
@@ -236,8 +241,8 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
     counts = {name: (care or {}).get(name, np.ones(manifest["n"], bool))[:n] for name in logged}
     wrong = {name: counts[name] & (~c.known[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
     differing = {name: int(rows.sum()) for name, rows in wrong.items() if rows.any()}
-    seen = {p["name"]: name for name, p in levels.compared_ports(manifest, terms.level)}
-    missing = tuple(name for name in expected if name in seen and name not in logged)
+    rtl_ports = {p["name"]: name for name, p in levels.compared_ports(manifest, terms.level)}
+    missing = tuple(name for name in expected if name in rtl_ports and name not in logged)
     some = np.logical_or.reduce([rows for name, rows in counts.items() if name in expected])
     head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, terms.level,
             int(some.sum()), dict(terms.clocks), differing)  # fmt: skip
@@ -245,40 +250,44 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         return Report(*head, None, (), terms.first, logged)
 
     # a late port shows a row later than the others
-    late = {name: terms.clocks.get(seen.get(name), 0) for name in differing}
-    firsts = {name: int(np.argmax(wrong[name])) + late[name] for name in differing}
+    delays = {name: terms.clocks.get(rtl_ports.get(name), 0) for name in differing}
+    firsts = {name: int(np.argmax(wrong[name])) + delays[name] for name in differing}
     clock = min(firsts.values())
-    there = [name for name in differing if firsts[name] == clock]
-    port, cycle = there[0], clock - late[there[0]]
+    first_ports = [name for name in differing if firsts[name] == clock]
+    port, cycle = first_ports[0], clock - delays[first_ports[0]]
 
-    def at(name, row):
+    def logged_value(name, row):
         column = logged[name]
         return int(column.values[row]) if column.known[row] else None
 
-    want, have = int(golden[port][cycle]), at(port, cycle)
+    want, have = int(golden[port][cycle]), logged_value(port, cycle)
     scale = 2.0 ** -fmts[port].f
-    shown = tuple(
-        (terms.first + row, {name: int(golden[name][row]) for name in logged}, {name: at(name, row) for name in logged})
+    preceding_rows = tuple(
+        (
+            terms.first + row,
+            {name: int(golden[name][row]) for name in logged},
+            {name: logged_value(name, row) for name in logged},
+        )
         for row in range(max(0, cycle - before), cycle + 1)
     )
     divergence = Divergence(
         cycle=terms.first + clock,
         time_ns=(terms.first + clock) * 1e9 / manifest["clock"]["hz"],
         port=port,
-        kind=levels.port_kind(manifest, seen[port]) if port in seen else "input",
+        kind=levels.port_kind(manifest, rtl_ports[port]) if port in rtl_ports else "input",
         expected=want,
         got=have,
         expected_value=want * scale,
         got_value=None if have is None else have * scale,
         error_lsb=None if have is None else _error_lsb(manifest, port, fmts[port].width, want, have),
-        also=tuple(there[1:]),
-        before=shown,
+        also=tuple(first_ports[1:]),
+        before=preceding_rows,
     )
     diagnosis = _diagnosis(manifest, inputs, golden, logged, counts, n, divergence)
     return Report(*head, divergence, diagnosis, terms.first, logged)
 
 
-def against(golden, got, before=BEFORE, found=None):
+def compare_bundle(golden, got, before=BEFORE, scope=None):
     """Compare columns of a design with a bundle that was read; returns a `Report`.
 
     golden  `bundle.Bundle`
@@ -291,7 +300,7 @@ def against(golden, got, before=BEFORE, found=None):
         raise FileError("top: its rows are apart; compare the whole design with its own bench: make -C FOLDER check")
     names = [port["name"] for port in manifest["inputs"]]
     results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
-    care = golden.mask != 0 if found is None else found.care
+    care = golden.mask != 0 if scope is None else scope.care
     return compare(
         manifest,
         dict(zip(names, golden.stim.T.copy())),
@@ -299,11 +308,11 @@ def against(golden, got, before=BEFORE, found=None):
         got,
         dict(zip(results, care.T)),
         before,
-        EVERYTHING if found is None else Terms(found.level, found.first, found.clocks),
+        EVERYTHING if scope is None else Terms(scope.level, scope.first, scope.clocks),
     )
 
 
-def _given(golden, logged):
+def _driven_column(golden, logged):
     """Column of an input: what the design was given, where its log says so."""
     return golden if logged is None else np.where(logged.known[: len(golden)], logged.values[: len(golden)], golden)
 
@@ -313,18 +322,21 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
         return ()
     registers = [port["name"] for port in manifest["registers"]]
     names = registers + [port["name"] for port in manifest["outputs"]]
-    seen = [name for name in names if name in logged]
+    logged_names = [name for name in names if name in logged]
     rows = why.Rows(
         block=manifest["block"],
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
         # a column has the register's values where an input has its name
         inputs={
-            name: _given(column[:n], None if name in names else logged.get(name)) for name, column in inputs.items()
+            name: _driven_column(column[:n], None if name in names else logged.get(name))
+            for name, column in inputs.items()
         },
         expected={name: golden[name][:n] for name in names},
-        got={name: logged[name].values[:n] for name in seen},
-        care={name: counts[name] & logged[name].known[:n] for name in seen},
-        unknown=tuple(name for name in registers if name in seen and counts[name][0] and not logged[name].known[0]),
-        design=design_entry.of_manifest("manifest", manifest) or DEFAULT,
+        got={name: logged[name].values[:n] for name in logged_names},
+        care={name: counts[name] & logged[name].known[:n] for name in logged_names},
+        unknown=tuple(
+            name for name in registers if name in logged_names and counts[name][0] and not logged[name].known[0]
+        ),
+        design=design_entry.manifest_design("manifest", manifest) or DEFAULT,
     )
     return tuple(why.diagnose(rows))

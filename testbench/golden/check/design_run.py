@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.foreign import design_map, judged, sources, wrapper
+from testbench.golden.foreign import adapter, comparison_scope, design_map, sources
 from testbench.golden.foreign.choice import AS_OURS, Choice  # noqa: F401
 from testbench.golden.foreign.design_map import LIBRARY
 
@@ -43,7 +43,7 @@ class Design(NamedTuple):
     level: str
     module: str
     wrapper: str | None
-    named: design_map.DesignMap | None
+    port_map: design_map.DesignMap | None
     style: str
     clocks: dict
 
@@ -57,23 +57,27 @@ class Design(NamedTuple):
         return LIBRARY if self.wrapper else "work"
 
     @property
-    def whose(self):
+    def interface_source(self):
         """Who says what the ports are."""
         return "the map" if self.wrapper else "the bundle"
 
     def widths(self):
         """{port or parameter of the design: bits} as the map has them; of a parameter and the reset 1."""
-        if self.named is None:
+        if self.port_map is None:
             return {}
-        named = self.named
-        own = [name for _, name, _ in named.parameters] + [name for name, _ in named.constants]
-        return dict.fromkeys([*own, named.clock, named.reset[0]], 1) | wrapper.widths(named)
+        port_map = self.port_map
+        map_names = [name for _, name, _ in port_map.parameters] + [name for name, _ in port_map.constants]
+        return dict.fromkeys([*map_names, port_map.clock, port_map.reset[0]], 1) | adapter.widths(port_map)
 
     def hint(self, missing):
         """What helps where these ports are missing; empty if nothing is known to."""
-        found = ['a design without a reset has style = "none"'] if self.named and self.named.reset[0] in missing else []
+        hints = (
+            ['a design without a reset has style = "none"']
+            if self.port_map and self.port_map.reset[0] in missing
+            else []
+        )
         registers = self.level == "registers" and any(name.startswith("r_") for name in missing)
-        return [*found, *["level registers needs every register, another --level does not"] * registers]
+        return [*hints, *["level registers needs every register, another --level does not"] * registers]
 
 
 def _simulator(sim, languages, what):
@@ -94,37 +98,37 @@ def _sources(rtl, block, choice, top):
     if not Path(rtl).is_dir():
         raise FileError(f"{rtl}: not a folder")
     if choice.files is not None:
-        listed = [sources.of_list(choice.files)]
+        candidates = [sources.read_source_list(choice.files)]
     else:
-        listed = sources.of_folder(rtl, block) or (sources.of_folder(rtl, top) if top else [])
-    wanted = SIMULATORS[choice.sim].language if choice.sim else None
-    fits = [found for found in listed if wanted in (None, found.language)]
-    if not fits:
-        own = {None: f"{block}.v, .sv or .vhd", "verilog": f"{block}.v or .sv", "vhdl": f"{block}.vhd"}[wanted]
+        candidates = sources.folder_sources(rtl, block) or (sources.folder_sources(rtl, top) if top else [])
+    language = SIMULATORS[choice.sim].language if choice.sim else None
+    usable_candidates = [candidate for candidate in candidates if language in (None, candidate.language)]
+    if not usable_candidates:
+        file_names = {None: f"{block}.v, .sv or .vhd", "verilog": f"{block}.v or .sv", "vhdl": f"{block}.vhd"}[language]
         hint = f", nor {top}, and no --files list" if top else ""
         raise FileError(
-            f"{choice.files or rtl}: no design for {choice.sim or 'any simulator'}: there is no {own}{hint}"
+            f"{choice.files or rtl}: no design for {choice.sim or 'any simulator'}: there is no {file_names}{hint}"
         )
-    sim = _simulator(choice.sim, [found.language for found in fits], "the design")
-    return sim, next(found for found in fits if found.language == SIMULATORS[sim].language)
+    sim = _simulator(choice.sim, [candidate.language for candidate in usable_candidates], "the design")
+    return sim, next(candidate for candidate in usable_candidates if candidate.language == SIMULATORS[sim].language)
 
 
-def chosen(manifest, rtl, choice=AS_OURS):
+def select_design(manifest, rtl, choice=AS_OURS):
     """`Design` of what a user says of a folder; FileError or ConfigError with one line."""
     block, level = manifest["block"], choice.level or "registers"
-    named = None
+    port_map = None
     if choice.map is not None or choice.top is not None:
-        named = design_map.read(choice.map, manifest, level, choice.top)
-    sim, found = _sources(rtl, block, choice, named and named.top)
-    text = None if named is None else getattr(wrapper, SIMULATORS[sim].language)(manifest, named)
+        port_map = design_map.read(choice.map, manifest, level, choice.top)
+    sim, design_sources = _sources(rtl, block, choice, port_map and port_map.top)
+    text = None if port_map is None else getattr(adapter, SIMULATORS[sim].language)(manifest, port_map)
     return Design(
         manifest=manifest,
         sim=sim,
-        sources=found,
+        sources=design_sources,
         level=level,
-        module=wrapper.name_of(manifest) if named else f"gyro_{block}",
+        module=adapter.adapter_name(manifest) if port_map else f"gyro_{block}",
         wrapper=text,
-        named=named,
-        style=named.style if named else "sync",
-        clocks={} if choice.latency is None else judged.read_latency(choice.latency, manifest, level),
+        port_map=port_map,
+        style=port_map.style if port_map else "sync",
+        clocks={} if choice.latency is None else comparison_scope.read_latency(choice.latency, manifest, level),
     )

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import top
-from fpga_model.block import declared, leaves
+from fpga_model.block import block_modules, leaves
 from fpga_model.design_record import DEFAULT
-from testbench.golden.diagnosis import elaborate, of_top
-from testbench.golden.diagnosis.hidden import Hidden
+from testbench.golden.diagnosis import design_graph, elaborate
+from testbench.golden.diagnosis.partial_observation import PartialObservation
 from testbench.golden.diagnosis.rows import Rows as Wires
 from testbench.golden.diagnosis.search import Search
-from testbench.golden.diagnosis.verdict import MOST_LISTED, Cause, causes, hidden_causes
+from testbench.golden.diagnosis.verdict import MOST_LISTED, Cause, hidden_causes, rank_causes
 from testbench.golden.recording import board_pins, recording
 
 MOST_SHIFT = 8  # clocks
@@ -49,17 +49,19 @@ class Rows(NamedTuple):
     design: object = DEFAULT
 
 
-def _shifted(rows):
+def _shift_causes(rows):
     """[Cause] if every port that is seen comes the same number of clocks late or early: the log, not a register."""
     differing = [name for name, column in rows.got.items() if np.any((column != rows.expected[name])[rows.care[name]])]
     if len(differing) < 2:
         return []
     for k in range(1, MOST_SHIFT + 1):
-        for cause, own, golden in (
+        for cause, log_slice, golden_slice in (
             ("late", slice(k, None), slice(None, -k)),
             ("early", slice(None, -k), slice(k, None)),
         ):
-            columns = [(c[own], rows.expected[n][golden], rows.care[n][own]) for n, c in rows.got.items()]
+            columns = [
+                (c[log_slice], rows.expected[n][golden_slice], rows.care[n][log_slice]) for n, c in rows.got.items()
+            ]
             if all(np.array_equal(have[counts], want[counts]) for have, want, counts in columns):
                 return [Cause(cause, differing[0], 1.0, f"all ports by {k} clock{'s' * (k > 1)}")]
     return []
@@ -67,74 +69,80 @@ def _shifted(rows):
 
 def diagnose(rows):
     """[Cause] of the difference of `Rows`, in order of rank; empty if unknown, or if there is no difference."""
-    found = _shifted(rows)
-    if not found and rows.block == "top":
-        return _of_top(rows)
-    if found or rows.block not in declared():
-        return found
+    shift_causes = _shift_causes(rows)
+    if not shift_causes and rows.block == "top":
+        return _top_causes(rows)
+    if shift_causes or rows.block not in block_modules():
+        return shift_causes
     try:
-        net = elaborate.of_block(rows.block, rows.params, rows.design)
+        net = elaborate.block_net(rows.block, rows.params, rows.design)
     except (elaborate.Unsupported, KeyError):
         return []
     count = len(next(iter(rows.expected.values())))
     inputs = {"rst": np.zeros(count, np.int64), **rows.inputs}
-    asked = {name.removeprefix("in ") for name in net.fmts if name.startswith("in ")}
-    if not asked <= set(inputs) or not set(net.reset) <= set(rows.expected):
+    input_names = {name.removeprefix("in ") for name in net.fmts if name.startswith("in ")}
+    if not input_names <= set(inputs) or not set(net.reset) <= set(rows.expected):
         return []
     got = {name: column for name, column in rows.got.items() if name in net.roots}
     care = {name: rows.care[name] for name in got}
     leaves = {("in", name): column for name, column in inputs.items()}
     if not set(net.reset) <= set(got):
         leaves |= {("reg", name): rows.expected[name] for name in net.reset}
-        return hidden_causes(Hidden(net, leaves, got, care, rows.expected))
-    own = {name: np.where(care[name], got[name], rows.expected[name]) for name in net.reset}
-    leaves |= {("reg", name): column for name, column in own.items()}
+        return hidden_causes(PartialObservation(net, leaves, got, care, rows.expected))
+    register_columns = {name: np.where(care[name], got[name], rows.expected[name]) for name in net.reset}
+    leaves |= {("reg", name): column for name, column in register_columns.items()}
     search = Search(net, leaves, got, care, rows.expected)
-    return _of_search(rows, search)[0]
+    return _search_causes(rows, search)[0]
 
 
-def _of_search(rows, search):
+def _search_causes(rows, search):
     """([Cause], number of registers and pins at fault) of a `Search` on rows."""
-    first = list(_of_first_row(rows, search))
+    first = list(_first_row_causes(rows, search))
     names = {c.register for c in first}
     count = len(names | set(search.faulty))
-    found = (c for c in causes(search, names) if c.register not in rows.unknown)
-    return [*(c._replace(share=c.share / count) for c in first), *found], count
+    later_causes = (c for c in rank_causes(search, names) if c.register not in rows.unknown)
+    return [*(c._replace(share=c.share / count) for c in first), *later_causes], count
 
 
-def _of_top(rows):
+def _top_causes(rows):
     """[Cause] of the whole design: block by block, each with what the registers of the design gave it.
 
     Blocks of one module with the same cause are one fault. Without a reset in the rows the first row alone is no proof.
     """
     params = recording.params_from("manifest", list(rows.params), list(rows.params.values()), rows.design)
-    registers = [of_top.port_of(name) for name, _ in leaves(top.State())]
+    registers = [design_graph.report_name(name) for name, _ in leaves(top.State())]
     if not set(registers) <= set(rows.expected):
         return []
     try:
-        net, instances = of_top.wired(params)
+        net, instances = design_graph.wire_design(params)
     except elaborate.Unsupported:
         return []
     if not set(registers) <= set(rows.got):
-        return _of_pins(rows, net, instances, registers)
-    own = {name: np.where(rows.care[name], rows.got[name], rows.expected[name]) for name in registers}
-    wires = Wires(net, {("in", name): column for name, column in (rows.inputs | own).items()}, len(own[registers[0]]))
-    known = np.logical_and.reduce([rows.care[name] for name in registers])
-    found, total = {}, 0
+        return _pin_causes(rows, net, instances, registers)
+    register_columns = {name: np.where(rows.care[name], rows.got[name], rows.expected[name]) for name in registers}
+    wires = Wires(
+        net,
+        {("in", name): column for name, column in (rows.inputs | register_columns).items()},
+        len(register_columns[registers[0]]),
+    )
+    valid_rows = np.logical_and.reduce([rows.care[name] for name in registers])
+    causes_by_kind, total = {}, 0
     for one in instances.values():
         names = {name: port for name, port in one.names.items() if port in rows.got}
         if not any(np.any((rows.got[p] != rows.expected[p]) & rows.care[p]) for p in names.values()):
             continue
-        given, count = _of_instance(rows, one, names, wires, known)
+        instance_causes, count = _instance_causes(rows, one, names, wires, valid_rows)
         total += count
-        for cause in given:
-            named = cause._replace(register=one.names[cause.register], share=cause.share * count)
-            found.setdefault((cause.cause, *one.homes[cause.register]), []).append(named)
-    listed = [same[0]._replace(share=sum(cause.share for cause in same) / total) for same in found.values()]
-    return sorted(listed, key=lambda cause: -cause.share)[:MOST_LISTED]
+        for cause in instance_causes:
+            design_cause = cause._replace(register=one.names[cause.register], share=cause.share * count)
+            causes_by_kind.setdefault((cause.cause, *one.homes[cause.register]), []).append(design_cause)
+    merged_causes = [
+        group[0]._replace(share=sum(cause.share for cause in group) / total) for group in causes_by_kind.values()
+    ]
+    return sorted(merged_causes, key=lambda cause: -cause.share)[:MOST_LISTED]
 
 
-def _of_pins(rows, net, instances, registers):
+def _pin_causes(rows, net, instances, registers):
     """[Cause] of the whole design of which the pins alone are seen, none of them certain.
 
     A block that leads to a wrong pin is given what golden registers give it. The cause must explain every wrong pin:
@@ -147,53 +155,59 @@ def _of_pins(rows, net, instances, registers):
     wrong = {pin for pin, column in rows.got.items() if np.any((column != rows.expected[pin]) & care[pin])}
     golden = rows.inputs | {name: rows.expected[name] for name in registers}
     wires = Wires(net, {("in", name): column for name, column in golden.items()}, len(rows.inputs["rst"]))
-    found, modules = [], set()
+    causes_by_instance, modules = [], set()
     for path, one in instances.items():
-        pins = {name: pin for name, pin in of_top.shown(path).items() if pin in rows.got}
+        pins = {name: pin for name, pin in design_graph.instance_pins(path).items() if pin in rows.got}
         if not wrong & set(pins.values()):
             continue
         wrong -= set(pins.values())
         modules.add(one.module)
-        own = elaborate.of_block(one.module.__name__.rpartition(".")[2], one.params, rows.design)
-        given = {("in", name): wires.full(node) for name, node in one.ports.items()}
-        given |= {("reg", name): rows.expected[one.names[name]] for name in own.reset}
-        given["in", "rst"] = rows.inputs["rst"]
-        seen = [{name: of[pin] for name, pin in pins.items()} for of in (rows.got, care, rows.expected)]
-        causes = hidden_causes(Hidden(own, given, *seen), every=True)
-        found.append({(c.cause, c.what): c._replace(register=one.names[c.register]) for c in causes})
+        instance_net = elaborate.block_net(one.module.__name__.rpartition(".")[2], one.params, rows.design)
+        leaf_columns = {("in", name): wires.node_column(node) for name, node in one.ports.items()}
+        leaf_columns |= {("reg", name): rows.expected[one.names[name]] for name in instance_net.reset}
+        leaf_columns["in", "rst"] = rows.inputs["rst"]
+        pin_columns = [{name: of[pin] for name, pin in pins.items()} for of in (rows.got, care, rows.expected)]
+        instance_causes = hidden_causes(PartialObservation(instance_net, leaf_columns, *pin_columns), every=True)
+        causes_by_instance.append(
+            {(c.cause, c.what): c._replace(register=one.names[c.register]) for c in instance_causes}
+        )
     if wrong or len(modules) != 1:
         return []
-    both = set.intersection(*map(set, found))
-    share = min((cause.share for of in found for cause in of.values()), default=0.0) / BEYOND_PINS
-    listed = {}
-    for key in found[0]:
+    both = set.intersection(*map(set, causes_by_instance))
+    share = min((cause.share for of in causes_by_instance for cause in of.values()), default=0.0) / BEYOND_PINS
+    common_causes = {}
+    for key in causes_by_instance[0]:
         if key in both:
-            cause = found[0][key]._replace(share=share)
-            listed.setdefault((cause.cause, cause.register), cause)
-    return list(listed.values())[:MOST_LISTED]
+            cause = causes_by_instance[0][key]._replace(share=share)
+            common_causes.setdefault((cause.cause, cause.register), cause)
+    return list(common_causes.values())[:MOST_LISTED]
 
 
-def _of_instance(rows, one, names, wires, known):
+def _instance_causes(rows, one, names, wires, valid_rows):
     """([Cause], registers and pins at fault) of an `of_top.Wired`; `names` are those of its registers and pins."""
-    net = elaborate.of_block(one.module.__name__.rpartition(".")[2], one.params, rows.design)
-    own = rows._replace(
+    net = elaborate.block_net(one.module.__name__.rpartition(".")[2], one.params, rows.design)
+    instance_rows = rows._replace(
         expected={name: rows.expected[port] for name, port in names.items()},
         got={name: rows.got[port] for name, port in names.items()},
         # what follows from a value that nobody knows is not judged
-        care={name: rows.care[port] & np.r_[True, known[:-1]] for name, port in names.items()},
+        care={name: rows.care[port] & np.r_[True, valid_rows[:-1]] for name, port in names.items()},
         unknown=tuple(name for name, port in names.items() if port in rows.unknown),
     )
-    leaves_of = {("in", name): wires.full(node) for name, node in one.ports.items()}
-    leaves_of["in", "rst"] = rows.inputs["rst"]
+    leaf_columns = {("in", name): wires.node_column(node) for name, node in one.ports.items()}
+    leaf_columns["in", "rst"] = rows.inputs["rst"]
     for name in net.reset:
-        leaves_of["reg", name] = np.where(own.care[name], own.got[name], own.expected[name])
-    search = Search(net, leaves_of, own.got, own.care, own.expected)
-    found, count = _of_search(own, search)
-    seen = {name: np.count_nonzero(target.wrong) for name, target in search.targets.items()}
-    return [c._replace(share=c.share / 2) if 0 < seen[c.register] < LEAST_ROWS else c for c in found], count
+        leaf_columns["reg", name] = np.where(
+            instance_rows.care[name], instance_rows.got[name], instance_rows.expected[name]
+        )
+    search = Search(net, leaf_columns, instance_rows.got, instance_rows.care, instance_rows.expected)
+    ranked_causes, count = _search_causes(instance_rows, search)
+    wrong_counts = {name: np.count_nonzero(target.wrong) for name, target in search.targets.items()}
+    return [
+        c._replace(share=c.share / 2) if 0 < wrong_counts[c.register] < LEAST_ROWS else c for c in ranked_causes
+    ], count
 
 
-def _of_first_row(rows, search):
+def _first_row_causes(rows, search):
     """Causes that row 0 shows: a register unknown behind the reset, or another value there and nothing wrong later."""
     for name in search.net.reset:
         value = int(rows.got[name][0])

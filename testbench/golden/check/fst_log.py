@@ -7,33 +7,33 @@ import json
 import sys
 
 from testbench.errors import FileError
-from testbench.golden.check.signal_paths import listed_signals, wanted_signal
-from testbench.storage import inputs, trial
+from testbench.golden.check.signal_paths import find_signal, index_signals
+from testbench.storage import inputs, sandboxed_read
 
 
-def changes_of(path, paths):
+def read_changes(path, paths):
     """{wanted path: (times, texts of bits, width, high bit of a slice, low bit)} of an FST file."""
     import pywellen
 
     wave = pywellen.Waveform(str(path))
     variables = list(wave.all_vars())
-    known = listed_signals((var.full_name, str(var.signal_ref)) for var in variables)
+    signal_index = index_signals((var.full_name, str(var.signal_ref)) for var in variables)
     by_signal = {str(var.signal_ref): var for var in variables}
     out = {}
-    for wanted in paths:
-        signal, hi, lo = wanted_signal(wanted, known, path)
-        var = by_signal[known[signal]]
+    for signal_path in paths:
+        signal, hi, lo = find_signal(signal_path, signal_index, path)
+        var = by_signal[signal_index[signal]]
         if var.bitwidth is None:
             raise FileError(f"{path}: signal {signal} is not bits")
         times, texts = [], []
         for time, value in var.signal:
             times.append(int(time))
             texts.append(f"{value:0{var.bitwidth}b}" if isinstance(value, int) else str(value))
-        out[wanted] = (times, texts, int(var.bitwidth), hi, lo)
+        out[signal_path] = (times, texts, int(var.bitwidth), hi, lo)
     return out
 
 
-def names_of(path):
+def read_names(path):
     """[(path, bits or None)] of every signal."""
     import pywellen
 
@@ -43,9 +43,9 @@ def names_of(path):
 def main(path):
     """Print the changes of the signals that the command line names, or all names with their bits if it has none."""
     with inputs.parsing(path, "FST file"):
-        found = changes_of(path, sys.argv[2:]) if sys.argv[2:] else names_of(path)
-    json.dump(found, sys.stdout)
+        content = read_changes(path, sys.argv[2:]) if sys.argv[2:] else read_names(path)
+    json.dump(content, sys.stdout)
 
 
 if __name__ == "__main__":
-    trial.main(main)
+    sandboxed_read.main(main)

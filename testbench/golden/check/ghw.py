@@ -68,20 +68,20 @@ class Record(NamedTuple):
     count: int | None = None
 
 
-def array_of(element, dimensions, ranges=None):
+def sized_array(element, dimensions, ranges=None):
     """Array with the number of its scalars."""
-    if ranges is None or _open(element):
+    if ranges is None or _is_open(element):
         return Array(element, dimensions, ranges)
     return Array(element, dimensions, ranges, math.prod(ranges) * element.count)
 
 
-def record_of(fields):
+def sized_record(fields):
     """Record with the number of its scalars."""
     counts = [part.count for _, part in fields]
     return Record(fields, None if None in counts else sum(counts))
 
 
-def _open(kind):
+def _is_open(kind):
     return kind.count is None
 
 
@@ -106,7 +106,7 @@ class _Reader:
     def word(self, form="i"):
         return struct.unpack(self.order + form, self.take(struct.calcsize(self.order + form)))[0]
 
-    def unsigned(self, bits=7):
+    def unsigned_number(self, bits=7):
         """A number of which each byte below 128, the last one, holds so many bits."""
         value = shift = 0
         while True:
@@ -115,37 +115,37 @@ class _Reader:
             shift += bits
             if byte < 128:
                 return value
-            self.need(shift < 70, "a number is too long")
+            self.require(shift < 70, "a number is too long")
 
-    def signed(self):
+    def signed_number(self):
         start = self.at
-        value = self.unsigned()
+        value = self.unsigned_number()
         bits = 7 * (self.at - start)
         return value - (1 << bits) if value >> (bits - 1) else value
 
-    def need(self, ok, what):
+    def require(self, ok, what):
         if not ok:
             raise ValueError(what)
 
     def section(self, tag, zeros=4):
-        self.need(self.take(4) == tag.encode() + b"\0", f"section {tag} is not where it should be")
-        self.need(not any(self.take(zeros)), f"the head of section {tag} is not zero")
+        self.require(self.take(4) == tag.encode() + b"\0", f"section {tag} is not where it should be")
+        self.require(not any(self.take(zeros)), f"the head of section {tag} is not zero")
 
 
 def _strings(r):
     """Strings, number 0 being none: each begins with so many characters of the one before it."""
     r.section("STR")
     count, _ = r.word(), r.word()
-    out, kept = [None], ""
+    out, prefix = [None], ""
     for _ in range(count):
         text = bytearray()
         while not (r.data[r.at] < 32 or 128 <= r.data[r.at] < 160):
             text.append(r.byte())
-        out.append(kept + text.decode("latin-1"))
-        length = r.unsigned(bits=5)
-        r.need(length <= len(out[-1]), "a string is longer than its source")
-        kept = out[-1][:length]
-    r.need(r.take(4) == b"EOS\0", "section STR has no end")
+        out.append(prefix + text.decode("latin-1"))
+        length = r.unsigned_number(bits=5)
+        r.require(length <= len(out[-1]), "a string is longer than its source")
+        prefix = out[-1][:length]
+    r.require(r.take(4) == b"EOS\0", "section STR has no end")
     return out
 
 
@@ -154,28 +154,30 @@ def _range(r):
     head = r.byte()
     kind, down = head & 127, head >> 7
     if kind in (B2, E8):
-        left, right = r.byte(), r.byte()
+        start, stop = r.byte(), r.byte()
     elif kind in (I32, P32, I64, P64):
-        left, right = r.signed(), r.signed()
+        start, stop = r.signed_number(), r.signed_number()
     elif kind == F64:
         r.take(16)
         return 0
     else:
         raise ValueError(f"a range of kind {kind}")
-    return max(0, (left - right if down else right - left) + 1)
+    return max(0, (start - stop if down else stop - start) + 1)
 
 
 def _bounded(r, kind):
     """The type with the bounds that follow in the file: its own ranges, then those of open elements."""
     if isinstance(kind, Array):
         ranges = tuple(_range(r) for _ in range(kind.dimensions))
-        return array_of(_bounded(r, kind.element) if _open(kind.element) else kind.element, kind.dimensions, ranges)
-    return record_of(tuple((name, _bounded(r, part) if _open(part) else part) for name, part in kind.fields))
+        return sized_array(
+            _bounded(r, kind.element) if _is_open(kind.element) else kind.element, kind.dimensions, ranges
+        )
+    return sized_record(tuple((name, _bounded(r, part) if _is_open(part) else part) for name, part in kind.fields))
 
 
-def _known(r, types):
-    number = r.unsigned()
-    r.need(0 < number < len(types), f"type {number} is not known")
+def _read_type(r, types):
+    number = r.unsigned_number()
+    r.require(0 < number < len(types), f"type {number} is not known")
     return types[number]
 
 
@@ -185,43 +187,45 @@ def _types(r, strings):
     out = [None]
 
     def earlier():
-        return _known(r, out)
+        return _read_type(r, out)
 
     for _ in range(r.word()):
         kind = r.byte()
-        name = strings[r.unsigned()]
+        name = strings[r.unsigned_number()]
         if kind in (B2, E8):
-            out.append(Scalar(kind, tuple(strings[r.unsigned()] for _ in range(r.unsigned()))))
+            out.append(Scalar(kind, tuple(strings[r.unsigned_number()] for _ in range(r.unsigned_number()))))
         elif kind in (I32, I64, F64):
             out.append(Scalar(kind))
         elif kind in (P32, P64):
-            for _ in range(r.unsigned()):
-                r.unsigned(), r.signed()
+            for _ in range(r.unsigned_number()):
+                r.unsigned_number(), r.signed_number()
             out.append(Scalar(kind))
         elif kind == SUB_SCALAR:
             out.append(earlier())
             _range(r)
         elif kind == ARRAY:
-            element, dimensions = earlier(), r.unsigned()
-            r.need(dimensions > 0, f"array {name} has no dimension")
+            element, dimensions = earlier(), r.unsigned_number()
+            r.require(dimensions > 0, f"array {name} has no dimension")
             for _ in range(dimensions):
                 earlier()
-            out.append(array_of(element, dimensions))
+            out.append(sized_array(element, dimensions))
         elif kind in (RECORD, OPEN_RECORD):
-            out.append(record_of(tuple((strings[r.unsigned()], earlier()) for _ in range(r.unsigned()))))
+            out.append(
+                sized_record(tuple((strings[r.unsigned_number()], earlier()) for _ in range(r.unsigned_number())))
+            )
         elif kind in (SUB_ARRAY, SUB_RECORD):
             base = earlier()
-            r.need(not isinstance(base, Scalar), f"type {name} has no elements")
-            out.append(_bounded(r, base) if _open(base) else base)
+            r.require(not isinstance(base, Scalar), f"type {name} has no elements")
+            out.append(_bounded(r, base) if _is_open(base) else base)
         elif kind in (SUB_OPEN_ARRAY, SUB_OPEN_RECORD):
             out.append(earlier())
         else:
             raise ValueError(f"type {name} is of kind {kind}")
-    r.need(r.byte() == 0, "section TYP has no end")
+    r.require(r.byte() == 0, "section TYP has no end")
     return out
 
 
-def leaves_of(path, kind, numbers):
+def leaf_signals(path, kind, numbers):
     """Yield (path, scalar, numbers) of what has a value: scalars and vectors of bits."""
     if kind.count == 0:
         return
@@ -229,14 +233,14 @@ def leaves_of(path, kind, numbers):
         yield path, kind, numbers
     elif isinstance(kind, Record):
         for name, part in kind.fields:
-            yield from leaves_of(f"{path}.{name}", part, numbers[: part.count])
+            yield from leaf_signals(f"{path}.{name}", part, numbers[: part.count])
             numbers = numbers[part.count :]
     elif isinstance(kind.element, Scalar) and kind.element.is_bit and len(kind.ranges) == 1:
         yield path, kind.element, numbers
     elif len(kind.ranges) == 1:
         count = len(numbers) // kind.ranges[0]
         for k in range(kind.ranges[0]):
-            yield from leaves_of(f"{path}({k})", kind.element, numbers[k * count : (k + 1) * count])
+            yield from leaf_signals(f"{path}({k})", kind.element, numbers[k * count : (k + 1) * count])
 
 
 def _scalars(kind):
@@ -254,45 +258,45 @@ def _hierarchy(r, strings, types):
     """({path: (scalar, numbers)}, {number: scalar})."""
     r.section("HIE")
     r.take(12)
-    scopes, found, stored = [], {}, {}
+    scopes, signals, stored = [], {}, {}
     while True:
         kind = r.byte()
         if kind == 0:
             break
         if kind == END:
-            r.need(scopes, "a scope ends that did not begin")
+            r.require(scopes, "a scope ends that did not begin")
             scopes.pop()
             continue
-        name = strings[r.unsigned()]
+        name = strings[r.unsigned_number()]
         if kind == PROCESS:
             continue
         if kind in (BLOCK, IF, INSTANCE, PACKAGE):
             scopes.append(name)
         elif kind == FOR:
-            scalar = _known(r, types)
-            r.need(isinstance(scalar, Scalar), "a loop over what is no scalar")
+            scalar = _read_type(r, types)
+            r.require(isinstance(scalar, Scalar), "a loop over what is no scalar")
             scopes.append(f"{name}({_value(r, scalar.kind)})")
         elif SIGNAL <= kind <= LAST_PORT:
-            of = _known(r, types)
-            r.need(not _open(of), f"signal {name} has no bounds")
-            r.need(of.count <= len(r.data) - r.at, f"signal {name} has {of.count} elements")
-            numbers = tuple(r.unsigned() for _ in range(of.count))
-            stored.update(zip(numbers, _scalars(of)))
+            signal_type = _read_type(r, types)
+            r.require(not _is_open(signal_type), f"signal {name} has no bounds")
+            r.require(signal_type.count <= len(r.data) - r.at, f"signal {name} has {signal_type.count} elements")
+            numbers = tuple(r.unsigned_number() for _ in range(signal_type.count))
+            stored.update(zip(numbers, _scalars(signal_type)))
             path = ".".join([*scopes, name])
-            found.update((leaf, (scalar, part)) for leaf, scalar, part in leaves_of(path, of, numbers))
+            signals.update((leaf, (scalar, part)) for leaf, scalar, part in leaf_signals(path, signal_type, numbers))
         else:
             raise ValueError(f"{name} is of kind {kind} in the hierarchy")
-    r.need(not scopes, "a scope does not end")
-    r.need(sorted(stored) == list(range(1, len(stored) + 1)), "the numbers of the signals have gaps")
+    r.require(not scopes, "a scope does not end")
+    r.require(sorted(stored) == list(range(1, len(stored) + 1)), "the numbers of the signals have gaps")
     r.section("EOH", 0)
-    return found, stored
+    return signals, stored
 
 
 def _value(r, kind):
     if kind in (B2, E8):
         return r.byte()
     if kind in (I32, I64, P32, P64):
-        return r.signed()
+        return r.signed_number()
     r.take(8)
     return 0
 
@@ -305,28 +309,28 @@ def _changes(r, stored, watched):
         sections.append(r.at)
         tag = r.take(4)
         if tag == b"SNP\0":
-            r.need(not any(r.take(4)), "the head of section SNP is not zero")
+            r.require(not any(r.take(4)), "the head of section SNP is not zero")
             time = r.word("q")
             for number in range(1, len(stored) + 1):
                 value = _value(r, kinds[number])
-                for group, place in watched.get(number, ()):
-                    yield time, group, place, value
-            r.need(r.take(4) == b"ESN\0", "section SNP has no end")
+                for group, position in watched.get(number, ()):
+                    yield time, group, position, value
+            r.require(r.take(4) == b"ESN\0", "section SNP has no end")
         elif tag == b"CYC\0":
             time = r.word("q")
             while True:
                 number = 0
-                while step := r.unsigned():
+                while step := r.unsigned_number():
                     number += step
-                    r.need(number in kinds, f"signal {number} is not in the hierarchy")
+                    r.require(number in kinds, f"signal {number} is not in the hierarchy")
                     value = _value(r, kinds[number])
-                    for group, place in watched.get(number, ()):
-                        yield time, group, place, value
-                step = r.signed()
+                    for group, position in watched.get(number, ()):
+                        yield time, group, position, value
+                step = r.signed_number()
                 if step < 0:
                     break
                 time += step
-            r.need(r.take(4) == b"ECY\0", "section CYC has no end")
+            r.require(r.take(4) == b"ECY\0", "section CYC has no end")
         elif tag == b"DIR\0":
             break
         else:
@@ -336,38 +340,38 @@ def _changes(r, stored, watched):
 
 def _directory(r, sections):
     """Check the list of sections at the end: it tells whether the file is whole."""
-    place = sections[-1]
+    directory_start = sections[-1]
     r.take(4)
-    listed = {}
+    tags_by_offset = {}
     for _ in range(r.word()):
         tag = r.take(4)
-        listed[r.word()] = tag
-    r.need(r.take(4) == b"EOD\0" and r.take(4) == b"TAI\0", "section DIR has no end")
+        tags_by_offset[r.word()] = tag
+    r.require(r.take(4) == b"EOD\0" and r.take(4) == b"TAI\0", "section DIR has no end")
     r.take(4)
-    r.need(r.word() == place and r.at == len(r.data), "the tail does not point at the list of sections")
-    r.need(set(sections) <= set(listed), "a section is not in the list of sections")
+    r.require(r.word() == directory_start and r.at == len(r.data), "the tail does not point at the list of sections")
+    r.require(set(sections) <= set(tags_by_offset), "a section is not in the list of sections")
 
 
-def _columns(r, known, stored, wanted):
+def _columns(r, signals, stored, paths):
     """{path: (times, texts)}: one text per cycle in which the signal changes."""
-    watched, out = {}, {path: ([], []) for path in wanted}
-    for path in wanted:
-        for place, number in enumerate(known[path][1]):
-            watched.setdefault(number, []).append((path, place))
+    watched, out = {}, {path: ([], []) for path in paths}
+    for path in paths:
+        for position, number in enumerate(signals[path][1]):
+            watched.setdefault(number, []).append((path, position))
     before = None
-    for time, path, place, value in _changes(r, stored, watched):
-        r.need((before is None or time >= before) and abs(time) < MOST_TIME, "time runs backwards, or too far")
+    for time, path, position, value in _changes(r, stored, watched):
+        r.require((before is None or time >= before) and abs(time) < MOST_TIME, "time runs backwards, or too far")
         before = time
-        scalar = known[path][0]
-        r.need(not scalar.literals or value < len(scalar.literals), f"{path} has a value that its type lacks")
+        scalar = signals[path][0]
+        r.require(not scalar.literals or value < len(scalar.literals), f"{path} has a value that its type lacks")
         times, texts = out[path]
         if not times or times[-1] != time:
             # what was before stays as it is; this time begins with a copy of it
             times.append(time)
-            texts.append(list(texts[-1]) if texts else [""] * len(known[path][1]))
+            texts.append(list(texts[-1]) if texts else [""] * len(signals[path][1]))
             if len(texts) > 1:
                 texts[-2] = "".join(texts[-2])
-        texts[-1][place] = scalar.text(value)
+        texts[-1][position] = scalar.text(value)
     return {path: (times, ["".join(text) for text in texts]) for path, (times, texts) in out.items()}
 
 
@@ -383,26 +387,26 @@ def read(path, choose):
     r = _Reader(data)
     try:
         r.at = len(MAGIC)
-        r.need(r.byte() == 16 and r.byte() == 0, "the version is not 0.x")
+        r.require(r.byte() == 16 and r.byte() == 0, "the version is not 0.x")
         r.byte()
         order = r.byte()
-        r.need(order in (1, 2) and r.byte() == 4 and r.byte() == 1 and r.byte() == 0, "the header is not GHDL's")
+        r.require(order in (1, 2) and r.byte() == 4 and r.byte() == 1 and r.byte() == 0, "the header is not GHDL's")
         r.order = "<" if order == 1 else ">"
         strings = _strings(r)
         types = _types(r, strings)
         r.section("WKT")
         while r.byte():
-            r.unsigned()
-        known, stored = _hierarchy(r, strings, types)
+            r.unsigned_number()
+        signals, stored = _hierarchy(r, strings, types)
     except (IndexError, struct.error, ValueError, RecursionError, TypeError) as problem:
         raise _damaged(path, r, problem) from None
-    widths = {name: scalar.width if scalar.width != 1 else len(of) for name, (scalar, of) in known.items()}
-    wanted = choose(widths)
+    widths = {name: scalar.width if scalar.width != 1 else len(numbers) for name, (scalar, numbers) in signals.items()}
+    paths = choose(widths)
     try:
-        columns = _columns(r, known, stored, wanted)
+        columns = _columns(r, signals, stored, paths)
     except (IndexError, struct.error, ValueError, TypeError) as problem:
         raise _damaged(path, r, problem) from None
-    return {name: (*columns[name], widths[name]) for name in wanted}
+    return {name: (*columns[name], widths[name]) for name in paths}
 
 
 def _damaged(path, r, problem):

@@ -25,7 +25,7 @@ def results(manifest, level="registers"):
     return levels.compared_ports(manifest, level)
 
 
-def _checked(manifest):
+def _check_names(manifest):
     names = [manifest["block"]] + [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
     names += [p["name"] for p in manifest.get("params", [])] + [name for name, _ in rtl_parameters(manifest)]
     for name in names:
@@ -37,10 +37,10 @@ def _checked(manifest):
 
 def _slices(ports):
     """(port, msb, lsb) of ports packed side by side, the first in the most significant bits."""
-    left = sum(p["width"] for p in ports)
+    remaining_bits = sum(p["width"] for p in ports)
     for port in ports:
-        yield port, left - 1, left - port["width"]
-        left -= port["width"]
+        yield port, remaining_bits - 1, remaining_bits - port["width"]
+        remaining_bits -= port["width"]
 
 
 def _half_ps(manifest):
@@ -60,17 +60,19 @@ def verilog(manifest, rom=None, level="registers", module=None):
     rom     path of the block's table, if it has one
     module  what is instantiated; gyro_BLOCK if not given
     """
-    _checked(manifest)
-    inputs, found = manifest["inputs"], results(manifest, level)
+    _check_names(manifest)
+    inputs, result_ports = manifest["inputs"], results(manifest, level)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
-    given = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
-    given += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)]
-    given += [f'.ROM_FILE("{rom}")'] if rom else []
+    parameter_values = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
+    parameter_values += [
+        f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)
+    ]
+    parameter_values += [f'.ROM_FILE("{rom}")'] if rom else []
     ports = [".clk(clk)", *(f".{p['name']}(`IN(now[{hi}:{lo}]))" for p, hi, lo in _slices(inputs))]
-    ports += [f".{name}({name})" for name, _ in found]
-    generics = " #(\n" + ",\n".join(given) + "\n)" if given else ""
-    wires = "\n".join(f"    wire [{p['width'] - 1}:0] {name};" for name, p in found)
-    words = ", ".join(name for name, _ in found)
+    ports += [f".{name}({name})" for name, _ in result_ports]
+    generics = " #(\n" + ",\n".join(parameter_values) + "\n)" if parameter_values else ""
+    wires = "\n".join(f"    wire [{p['width'] - 1}:0] {name};" for name, p in result_ports)
+    words = ", ".join(name for name, _ in result_ports)
     return f"""`timescale 1ps/1ps
 `ifdef __ICARUS__
 `define IN(net) ((net) | 1'b0)
@@ -98,7 +100,7 @@ module {TOP};
         end
         for (n = 0; n < {manifest["n"]}; n = n + 1) begin
             now = stim[n];
-            #{half - 1} $fwrite(file, "{" ".join(["%h"] * len(found))}\\n", {words});
+            #{half - 1} $fwrite(file, "{" ".join(["%h"] * len(result_ports))}\\n", {words});
             #1 clk = 1'b1;
             #{half} clk = 1'b0;
         end
@@ -111,10 +113,10 @@ endmodule
 
 def vhdl(manifest, rom=None, level="registers", module=None):
     """The bench in VHDL-2008."""
-    _checked(manifest)
-    inputs, found = manifest["inputs"], results(manifest, level)
+    _check_names(manifest)
+    inputs, result_ports = manifest["inputs"], results(manifest, level)
     wide, half = sum(p["width"] for p in inputs), _half_ps(manifest)
-    outs = list(_slices([p | {"name": name} for name, p in found]))
+    outs = list(_slices([p | {"name": name} for name, p in result_ports]))
 
     def literal(raw, bits):
         return f"'{raw}'" if bits == 1 else f'"{raw:0{bits}b}"'
@@ -122,13 +124,13 @@ def vhdl(manifest, rom=None, level="registers", module=None):
     def part(hi, lo):
         return f"({hi})" if hi == lo else f"({hi} downto {lo})"
 
-    given = [f"{name} => {value}" for name, value in rtl_parameters(manifest)]
-    given += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
-    given += [f'ROM_FILE => "{rom}"'] if rom else []
+    parameter_values = [f"{name} => {value}" for name, value in rtl_parameters(manifest)]
+    parameter_values += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
+    parameter_values += [f'ROM_FILE => "{rom}"'] if rom else []
     nets = [(p["name"], f"now{part(hi, lo)}") for p, hi, lo in _slices(inputs)]
     ports = ["clk => clk", *(f"{name} => {net} and {net}" for name, net in nets)]
     ports += [f"{p['name']} => got{part(hi, lo)}" for p, hi, lo in outs]
-    generics = "generic map (\n" + ",\n".join(given) + "\n)\n" if given else ""
+    generics = "generic map (\n" + ",\n".join(parameter_values) + "\n)\n" if parameter_values else ""
     writes = "\n".join(f"            write(row, to_hstring(got({hi} downto {lo})) & ' ');" for _, hi, lo in outs)
     return f"""library ieee;
 use ieee.std_logic_1164.all;
@@ -178,5 +180,5 @@ def port_of_line(text, number):
     """Port or parameter of the design that a line of a bench connects, or None."""
     lines = text.splitlines()
     line = lines[number - 1] if 0 < number <= len(lines) else ""
-    found = re.fullmatch(r"\.(\w+)\(.*\),?|(?:std_logic_vector\()?(\w+)\)? => .*", line.strip())
-    return (found[1] or found[2]) if found else None
+    match = re.fullmatch(r"\.(\w+)\(.*\),?|(?:std_logic_vector\()?(\w+)\)? => .*", line.strip())
+    return (match[1] or match[2]) if match else None

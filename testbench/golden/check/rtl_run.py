@@ -24,16 +24,16 @@ from fpga_model.fixed import Fmt
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle, design_entry
 from testbench.golden.check import design_run, loggers
-from testbench.golden.check.compare import BEFORE, Column, against
-from testbench.golden.foreign import judged
+from testbench.golden.check.compare import BEFORE, Column, compare_bundle
+from testbench.golden.foreign import comparison_scope
 
 TIMEOUT_S = 120.0
 LINES = 5  # of a tool's complaint that are shown
-SAID_BYTES = 1 << 22  # a design that prints more than this is stopped
+MOST_OUTPUT_BYTES = 1 << 22  # a design that prints more than this is stopped
 
 
 # What the tools say of ports and parameters: (pattern, our words)
-SAYINGS = (
+TOOL_MESSAGES = (
     (r"Port \d+ \((?P<port>\w+)\) of \S+ expects (?P<has>\d+) bits, got (?P<want>\d+)", "width"),
     (r"port connection '(?P<port>\w+)' expects (?P<has>\d+) bits .* generates (?P<want>\d+) bits", "width"),
     (r"port ``(?P<port>\w+)'' is not a port of", "absent"),
@@ -60,14 +60,14 @@ UNDRIVEN = "is driven by nothing: the design has an input of this name, or does 
 class Runner:
     """Commands in one folder, all within one time limit."""
 
-    def __init__(self, folder, timeout_s, said_bytes=SAID_BYTES):
-        self.folder, self.timeout_s, self.said_bytes = folder, timeout_s, said_bytes
+    def __init__(self, folder, timeout_s, output_limit_bytes=MOST_OUTPUT_BYTES):
+        self.folder, self.timeout_s, self.output_limit_bytes = folder, timeout_s, output_limit_bytes
         self.end = time.monotonic() + timeout_s
 
     def __call__(self, *command):
         """(exit code, what it said); raises FileError when the time is over."""
-        said = self.folder / "said.txt"
-        with open(said, "wb") as out:
+        output_path = self.folder / "said.txt"
+        with open(output_path, "wb") as out:
             process = subprocess.Popen(
                 [str(word) for word in command],
                 cwd=self.folder,
@@ -77,7 +77,7 @@ class Runner:
                 start_new_session=True,
             )
             try:
-                self._wait(process, said, command)
+                self._wait(process, output_path, command)
             finally:
                 # also what the tool has started and left behind
                 try:
@@ -85,10 +85,10 @@ class Runner:
                 except ProcessLookupError:
                     pass
                 process.wait()
-        with open(said, "rb") as out:
-            return process.returncode, out.read(self.said_bytes).decode("utf-8", "replace")
+        with open(output_path, "rb") as out:
+            return process.returncode, out.read(self.output_limit_bytes).decode("utf-8", "replace")
 
-    def _wait(self, process, said, command):
+    def _wait(self, process, output_path, command):
         pause_s = 0.002
         while True:
             try:
@@ -100,12 +100,12 @@ class Runner:
                 raise FileError(
                     f"{Path(command[0]).name}: stopped after {self.timeout_s:g} s: the design hangs or is slow"
                 )
-            if said.stat().st_size > self.said_bytes:
-                said_mib = self.said_bytes >> 20
-                raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {said_mib} MiB")
+            if output_path.stat().st_size > self.output_limit_bytes:
+                limit_mib = self.output_limit_bytes >> 20
+                raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {limit_mib} MiB")
 
 
-def _complaints(said, texts, manifest, design):
+def _complaints(output, texts, manifest, design):
     """Our words for what a tool says about ports; sorted out once each, in order. `texts` are {file: text} of ours."""
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.results(manifest)}
@@ -115,38 +115,39 @@ def _complaints(said, texts, manifest, design):
     widths |= design.widths()
     out, spelled = {}, {name.lower(): name for name in widths}
     # only what is said of the bench: a part inside the design may have ports of the same names
-    for line in said.splitlines():
-        place = re.search(r"(?:^|[\s/])((?:log|wrap)\.v(?:hd)?):\d", line)
-        for pattern, kind in SAYINGS if place else ():
-            found = re.search(pattern, line)
-            if not found:
+    for line in output.splitlines():
+        location = re.search(r"(?:^|[\s/])((?:log|wrap)\.v(?:hd)?):\d", line)
+        for pattern, kind in TOOL_MESSAGES if location else ():
+            match = re.search(pattern, line)
+            if not match:
                 continue
-            words = found.groupdict()
-            port = words.get("port") or loggers.port_of_line(texts.get(place[1], ""), int(words["line"]))
+            words = match.groupdict()
+            port = words.get("port") or loggers.port_of_line(texts.get(location[1], ""), int(words["line"]))
             port = spelled.get(port, port)  # GHDL says names in lower case
             if port not in widths and kind not in ("extra", "no value", "no module"):
                 continue
             if kind == "absent" and port in parameters:
                 kind = "no parameter"
             out[port] = {
-                "width": f"port {port} has {words.get('has')} bits, {design.whose} has {widths.get(port)}",
-                "vhdl width": f"port {port} is not of the {widths.get(port)} bits of {design.whose}",
-                "vhdl type": f"{port} has another type than {design.whose} says: `type` of its entry",
+                "width": f"port {port} has {words.get('has')} bits, {design.interface_source} has {widths.get(port)}",
+                "vhdl width": f"port {port} is not of the {widths.get(port)} bits of {design.interface_source}",
+                "vhdl type": f"{port} has another type than {design.interface_source} says: `type` of its entry",
                 "absent": f"port {port} is missing",
                 "no module": f"no module or entity {port}: --top, or top of a map, names yours",
                 "no parameter": f"parameter {port} is missing: [parameters] of a map lists those that are there",
-                "extra": f"input {port} is not in {design.whose} and stays open",
-                "no value": f"parameter {port} is not in {design.whose}: [constants] of a map gives it a value",
-                "output": f"port {port} is an output, {design.whose} has an input",
+                "extra": f"input {port} is not in {design.interface_source} and stays open",
+                "no value": f"parameter {port} is not in {design.interface_source}: "
+                "[constants] of a map gives it a value",
+                "output": f"port {port} is an output, {design.interface_source} has an input",
                 "undriven": f"port {port} {UNDRIVEN}",
             }[kind]
     hint = design.hint([port for port, words in out.items() if words == f"port {port} is missing"])
     return [*out.values(), *hint]
 
 
-def first_lines(said):
+def first_lines(output):
     """The lines of a tool's output that tell most: those with an error, else the first."""
-    lines = [line.rstrip() for line in said.splitlines() if line.strip()]
+    lines = [line.rstrip() for line in output.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line.lower()]
     return "\n".join(f"  {line}" for line in (errors or lines)[:LINES]) or "  (it said nothing)"
 
@@ -157,36 +158,36 @@ def _build(sim, run, ours, design):
     if sim == "icarus":
         where = [word for folder in sources.includes for word in ("-I", folder)]
         macros = [f"-D{macro}" for macro in sources.defines]
-        done = run("iverilog", "-g2012", "-Wportbind", "-s", loggers.TOP, "-I", ".", *where, *macros, "-o", "log.vvp",
+        result = run("iverilog", "-g2012", "-Wportbind", "-s", loggers.TOP, "-I", ".", *where, *macros, "-o", "log.vvp",
                    *ours, *sources.files)  # fmt: skip
-        return ("vvp", "-n", "log.vvp"), *done
+        return ("vvp", "-n", "log.vvp"), *result
     if sim == "verilator":
         where = [f"-I{folder}" for folder in sources.includes] + [f"-D{macro}" for macro in sources.defines]
         flags = ("-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wwarn-WIDTH", "-Wwarn-PINMISSING", "-Wwarn-UNDRIVEN")
-        done = run("verilator", "--binary", "--timing", *flags, "-I.", *where, "--top-module", loggers.TOP, "--Mdir",
+        result = run("verilator", "--binary", "--timing", *flags, "-I.", *where, "--top-module", loggers.TOP, "--Mdir",
                    "built", "-o", "log", *ours, *sources.files)  # fmt: skip
-        return (run.folder / "built" / "log",), *done
+        return (run.folder / "built" / "log",), *result
     steps = [("work", name) for name in ("params_pkg.vhd",) if (run.folder / name).is_file()]
     steps += [(library or design.library, file) for file, library in zip(sources.files, sources.libraries)]
     for library, group in itertools.groupby([*steps, *(("work", name) for name in ours)], lambda step: step[0]):
-        code, said = run("ghdl", "-a", "--std=08", f"--work={library}", *(file for _, file in group))
+        code, output = run("ghdl", "-a", "--std=08", f"--work={library}", *(file for _, file in group))
         if code:
             break
     else:
         code, more = run("ghdl", "-e", "--std=08", loggers.TOP)
-        said += more
-    return ("ghdl", "-r", "--std=08", loggers.TOP), code, said
+        output += more
+    return ("ghdl", "-r", "--std=08", loggers.TOP), code, output
 
 
-def _columns(path, named, what):
+def _columns(path, result_ports, what):
     """{name: Column} of rows.txt: a word with anything but hexadecimal digits in it is unknown.
 
     FileError that names the design, `what`, for a port that is z in every bit and row: nothing drives it
     """
-    ports = [p for _, p in named]
+    ports = [p for _, p in result_ports]
     lines = path.read_text("ascii", "replace").splitlines() if path.is_file() else []
     values = np.zeros((len(ports), len(lines)), np.int64)
-    known = np.zeros((len(ports), len(lines)), bool)
+    valid = np.zeros((len(ports), len(lines)), bool)
     masks = [((1 << p["width"]) - 1, Fmt(*p["fmt"])) for p in ports]
     floating = set(range(len(ports)))
     for n, line in enumerate(lines):
@@ -203,40 +204,40 @@ def _columns(path, named, what):
             mask, fmt = masks[k]
             value &= mask
             values[k, n] = value - mask - 1 if fmt.s and value > fmt.hi else value
-            known[k, n] = True
+            valid[k, n] = True
     if lines and floating:
-        raise FileError(f"{what}: port {named[min(floating)][0]} {UNDRIVEN}")
-    return {p["name"]: Column(values[k], known[k]) for k, p in enumerate(ports)}
+        raise FileError(f"{what}: port {result_ports[min(floating)][0]} {UNDRIVEN}")
+    return {p["name"]: Column(values[k], valid[k]) for k, p in enumerate(ports)}
 
 
 def log(folder, manifest, rtl, sim=None, timeout_s=TIMEOUT_S):
     """{port: Column} of every register and pin of the design in folder `rtl`, whose ports have the bundle's names."""
-    return columns_of(
-        folder, bundle.read(folder).stim, design_run.chosen(manifest, rtl, design_run.Choice(sim)), timeout_s
+    return simulate_columns(
+        folder, bundle.read(folder).stim, design_run.select_design(manifest, rtl, design_run.Choice(sim)), timeout_s
     )
 
 
-def _place(folder, stim, design, place):
+def _write_run_files(folder, stim, design, work_folder):
     """Put what the simulation opens into a folder; {name: text} of what is compiled besides the design."""
     manifest = design.manifest
     roms = sorted(name for name in manifest["sha256"] if name.startswith("rom/") and name.endswith(".hex"))
     for name in ("params.vh", "params.svh", "params_pkg.vhd", *roms):
         if name in manifest["sha256"]:
-            (place / name).parent.mkdir(exist_ok=True)
-            shutil.copyfile(Path(folder) / name, place / name)
+            (work_folder / name).parent.mkdir(exist_ok=True)
+            shutil.copyfile(Path(folder) / name, work_folder / name)
     widths = [p["width"] for p in manifest["inputs"]]
-    (place / "stim.hex").write_text(bundle.hex_text(bundle.pack(stim, widths), sum(widths)))
+    (work_folder / "stim.hex").write_text(bundle.hex_text(bundle.pack(stim, widths), sum(widths)))
     suffix = "vhd" if design.language == "vhdl" else "v"
     language = getattr(loggers, design.language)
     bench = language(manifest, roms[0] if roms else None, design.level, design.module)
     texts = {f"wrap.{suffix}": design.wrapper} if design.wrapper else {}
     texts[f"log.{suffix}"] = bench
     for name, text in texts.items():
-        (place / name).write_text(text)
+        (work_folder / name).write_text(text)
     return texts
 
 
-def columns_of(folder, stim, design, timeout_s=TIMEOUT_S):
+def simulate_columns(folder, stim, design, timeout_s=TIMEOUT_S):
     """{port: Column} of what the level of a `design_run.Design` judges, for rows of stimulus.
 
     folder  of the verified bundle
@@ -245,47 +246,49 @@ def columns_of(folder, stim, design, timeout_s=TIMEOUT_S):
     if not 0 < timeout_s <= 86400:
         raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
     last = design.sources.files[-1]
-    with tempfile.TemporaryDirectory(prefix="gyro-check-") as place:
-        place = Path(place).resolve()
-        texts = _place(folder, stim, design, place)
-        run = Runner(place, timeout_s)
-        command, code, said = _build(design.sim, run, list(texts), design)
-        complaints = _complaints(said, texts, design.manifest, design)
+    with tempfile.TemporaryDirectory(prefix="gyro-check-") as work_folder:
+        work_folder = Path(work_folder).resolve()
+        texts = _write_run_files(folder, stim, design, work_folder)
+        run = Runner(work_folder, timeout_s)
+        command, code, output = _build(design.sim, run, list(texts), design)
+        complaints = _complaints(output, texts, design.manifest, design)
         if code or complaints:
             why = "; ".join(complaints)
             raise FileError(
-                f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{first_lines(said)}"
+                f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{first_lines(output)}"
             )
-        code, said = run(*command)
-        columns = _columns(place / loggers.ROWS, loggers.results(design.manifest, design.level), last)
+        code, output = run(*command)
+        columns = _columns(work_folder / loggers.ROWS, loggers.results(design.manifest, design.level), last)
         rows = len(next(iter(columns.values())).values)
         if rows < design.manifest["n"]:
             raise FileError(
-                f"{last}: the simulation ended after {rows} of {design.manifest['n']} rows:\n{first_lines(said)}"
+                f"{last}: the simulation ended after {rows} of {design.manifest['n']} rows:\n{first_lines(output)}"
             )
     return columns
 
 
-def _at_rest(columns, found, design):
+def _check_activity(columns, scope, design):
     """Refuse a design whose ports rest where the model's move: it is not clocked, or stays in reset."""
-    golden = found.golden
+    golden = scope.golden
     names = [p["name"] for p in golden.manifest["registers"] + golden.manifest["outputs"]]
-    moves = [n for n in columns if len(np.unique(golden.exp[found.care[:, names.index(n)], names.index(n)])) > 1]
+    moves = [n for n in columns if len(np.unique(golden.exp[scope.care[:, names.index(n)], names.index(n)])) > 1]
     if not moves:
         return
     last = design.sources.files[-1]
     if all(not columns[name].known.any() for name in moves):
-        if design.named is None:
+        if design.port_map is None:
             return
         raise FileError(f"{last}: every port is unknown (x) in every row: the design is not clocked, or never reset")
     # rows behind a clock without reset: with the other polarity they show the reset alone
     names = [p["name"] for p in golden.manifest["inputs"]]
     reset = golden.stim[:, names.index("rst")] != 0 if "rst" in names else np.zeros(len(golden.exp), bool)
-    behind = np.r_[False, ~reset[:-1]]
-    if not all(columns[n].known[behind].all() and len(np.unique(columns[n].values[behind])) == 1 for n in moves):
+    after_reset = np.r_[False, ~reset[:-1]]
+    if not all(
+        columns[n].known[after_reset].all() and len(np.unique(columns[n].values[after_reset])) == 1 for n in moves
+    ):
         return
     if any(len(np.unique(columns[n].values[columns[n].known])) > 1 for n in moves):
-        active = design.named.reset[1] if design.named else 1
+        active = design.port_map.reset[1] if design.port_map else 1
         raise FileError(
             f"{last}: ports change only where rst is active: the reset is of the other polarity; "
             f"active = {1 - active} in [reset] of a map"
@@ -303,13 +306,13 @@ def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None
     golden = bundle.read(folder)
     if golden.manifest["block"] == "top":
         raise FileError(f"{folder}: top is run by top_run")
-    design = design_run.chosen(golden.manifest, rtl, choice or design_run.Choice(sim))
-    found = judged.judged(golden, design.level, design.style, design.clocks)
-    design = design._replace(manifest=found.golden.manifest)
-    columns = columns_of(folder, found.golden.stim, design, timeout_s)
-    _at_rest(columns, found, design)
-    shown = {
-        p["name"]: judged.aligned(found, columns[p["name"]], name)
+    design = design_run.select_design(golden.manifest, rtl, choice or design_run.Choice(sim))
+    scope = comparison_scope.build_scope(golden, design.level, design.style, design.clocks)
+    design = design._replace(manifest=scope.golden.manifest)
+    columns = simulate_columns(folder, scope.golden.stim, design, timeout_s)
+    _check_activity(columns, scope, design)
+    aligned_columns = {
+        p["name"]: comparison_scope.align_column(scope, columns[p["name"]], name)
         for name, p in loggers.results(design.manifest, design.level)
     }
-    return against(found.golden, shown, before, found)
+    return compare_bundle(scope.golden, aligned_columns, before, scope)

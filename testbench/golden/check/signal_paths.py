@@ -16,41 +16,41 @@ def _spelled(name):
     return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
 
 
-def listed_signals(pairs):
+def index_signals(pairs):
     """{path: signal} of (path, signal); None where two signals have one path."""
-    known = {}
+    signal_index = {}
     for name, signal in pairs:
         name = _spelled(name)
-        known[name] = signal if known.get(name, signal) == signal else None
-    return known
+        signal_index[name] = signal if signal_index.get(name, signal) == signal else None
+    return signal_index
 
 
-def wanted_signal(path, known, where):
+def find_signal(path, signal_index, where):
     """(signal, hi, lo) of a path of the map: the whole signal, or a slice of it.
 
     Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
     """
     spelled = _spelled(path)
-    head, _, rest = spelled.partition(".")
+    head, _, shorter_path = spelled.partition(".")
     ways = [spelled, f"TOP.{spelled}"]
-    if rest and not any(name.startswith(f"{head}.") for name in known):
-        ways.append(rest)
+    if shorter_path and not any(name.startswith(f"{head}.") for name in signal_index):
+        ways.append(shorter_path)
     for way in ways:
-        found = SLICE.match(way)
-        if way in known:
+        slice_match = SLICE.match(way)
+        if way in signal_index:
             name, hi, lo = way, None, None
-        elif found and found[1] in known:
-            name, hi = found[1], int(found[2])
-            lo = hi if found[3] is None else int(found[3])
+        elif slice_match and slice_match[1] in signal_index:
+            name, hi = slice_match[1], int(slice_match[2])
+            lo = hi if slice_match[3] is None else int(slice_match[3])
             if hi < lo:
                 raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
         else:
             continue
-        if known[name] is None:
+        if signal_index[name] is None:
             raise FileError(f"{where}: signal {path} is there more than once")
         return name, hi, lo
     tail = spelled.rsplit(".", 1)[-1].split("[")[0]
-    near = sorted(name for name in known if name.rsplit(".", 1)[-1] == tail)[:4]
-    near = near or difflib.get_close_matches(spelled, known, n=2)
-    hint = f"; there is {', '.join(near)}" if near else ""
+    alternatives = sorted(name for name in signal_index if name.rsplit(".", 1)[-1] == tail)[:4]
+    alternatives = alternatives or difflib.get_close_matches(spelled, signal_index, n=2)
+    hint = f"; there is {', '.join(alternatives)}" if alternatives else ""
     raise FileError(f"{where}: no signal {path}{hint}")

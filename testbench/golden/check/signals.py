@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 from testbench.errors import FileError
 from testbench.golden.check import ghw, vcd_log
-from testbench.golden.check.waves import SCHEMA, kind_of
+from testbench.golden.check.waves import SCHEMA, dump_type
 from testbench.golden.stimulus import levels
-from testbench.storage import inputs, trial
+from testbench.storage import inputs, sandboxed_read
 from testbench.storage.inputs import parse_json
 
 ALIKE = 0.5  # of difflib's ratio, below which a name suggests nothing
@@ -20,7 +20,7 @@ OURS = b"$version ftr-gyro"  # begins a waveform that this project has written: 
 CLOCK, RESET = re.compile(r"^(clk|clock|ck|sys_?clk)\w*$", re.I), re.compile(r"(rst|reset)", re.I)
 
 
-class _Seen(Exception):
+class _HeaderRead(Exception):
     """Ends a reader when the header is known."""
 
 
@@ -33,44 +33,44 @@ class Signal(NamedTuple):
 
 def signals(path):
     """[`Signal`] of a VCD, FST or GHW dump, or the columns of a CSV; FileError as the readers."""
-    kind, found = kind_of(path), []
+    kind, dump_signals = dump_type(path), []
 
-    def choose(known):
-        pairs = known.items() if isinstance(known, dict) else known
-        found.extend(Signal(name, one[1] if isinstance(one, tuple) else one) for name, one in pairs)
-        raise _Seen
+    def choose(header):
+        pairs = header.items() if isinstance(header, dict) else header
+        dump_signals.extend(Signal(name, one[1] if isinstance(one, tuple) else one) for name, one in pairs)
+        raise _HeaderRead
 
     if kind == ".fst":
-        said = trial.tried("testbench.golden.check.fst_log", path, "FST file")
-        return [Signal(*one) for one in parse_json(said, path, list[tuple[str, int | None]])]
+        output = sandboxed_read.read_in_subprocess("testbench.golden.check.fst_log", path, "FST file")
+        return [Signal(*one) for one in parse_json(output, path, list[tuple[str, int | None]])]
     if kind == ".csv":
         first = next(inputs.read_lines(path), (1, ""))[1]
         return [Signal(name.strip(), None) for name in first.split(",") if name.strip()]
     try:
         (vcd_log if kind == ".vcd" else ghw).read(path, choose)
-    except _Seen:
+    except _HeaderRead:
         pass
-    return found
+    return dump_signals
 
 
-def _last(path):
+def _bare_name(path):
     """Last name of a path, without what marks a register or a port."""
     return re.sub(r"^[ro]_|_(reg|q|o|i|out|in)$", "", path.rpartition(".")[2].partition("[")[0].lower())
 
 
-def suggested(ports, found):
+def suggest_signals(ports, dump_signals):
     """{port: path} of [(name, width)] and [`Signal`]: each signal once, the most alike first."""
     pairs = []
     for name, width in ports:
-        for signal in found:
+        for signal in dump_signals:
             if signal.width in (width, None):
-                ratio = difflib.SequenceMatcher(None, name.lower(), _last(signal.path)).ratio()
+                ratio = difflib.SequenceMatcher(None, name.lower(), _bare_name(signal.path)).ratio()
                 pairs.append((-ratio, len(signal.path), name, signal.path))
-    taken = {}
+    suggestions = {}
     for ratio, _, name, path in sorted(pairs):
-        if -ratio >= ALIKE and name not in taken and path not in taken.values():
-            taken[name] = path
-    return taken
+        if -ratio >= ALIKE and name not in suggestions and path not in suggestions.values():
+            suggestions[name] = path
+    return suggestions
 
 
 def is_ours(path):
@@ -78,34 +78,36 @@ def is_ours(path):
     return inputs.head(path, len(OURS)) == OURS
 
 
-def skeleton(found, manifest=None, ours=False):
+def skeleton(dump_signals, manifest=None, ours=False):
     """Text of a map: what is suggested, and a comment for each port without a suggestion.
 
     ours  row 0 is at the first edge, whatever a reset does behind it (`is_ours`)
     """
-    bits = [s.path for s in found if s.width in (1, None)]
-    clock = next((p for p in bits if CLOCK.match(_last(p))), None)
-    reset = next((p for p in bits if RESET.search(_last(p))), None)
+    bits = [s.path for s in dump_signals if s.width in (1, None)]
+    clock = next((p for p in bits if CLOCK.match(_bare_name(p))), None)
+    reset = next((p for p in bits if RESET.search(_bare_name(p))), None)
     lines = [f'schema = "{SCHEMA}"', *["first_edge = 0"] * ours, "[clock]"]
     lines.append(f'signal = "{clock}"' if clock else '# signal = "top.clk"')
     if reset and not ours:
-        active = 0 if _last(reset).endswith("n") else 1
+        active = 0 if _bare_name(reset).endswith("n") else 1
         lines += ["[reset]", f'signal = "{reset}"', f"active = {active}"]
     lines.append("[ports]")
     if manifest is None:
-        lines += [f'# port = "{s.path}"' for s in found if s.path not in (clock, reset)]
+        lines += [f'# port = "{s.path}"' for s in dump_signals if s.path not in (clock, reset)]
         return "\n".join(lines) + "\n"
     ports = [(p["name"], p["width"]) for _, p in levels.compared_ports(manifest, "registers")]
-    rest = [s for s in found if s.path not in (clock, reset)]
-    given = suggested(ports, rest)
+    candidates = [s for s in dump_signals if s.path not in (clock, reset)]
+    suggestions = suggest_signals(ports, candidates)
     for name, width in ports:
-        lines.append(f'{name} = "{given[name]}"' if name in given else f'# {name} = ""  # {width} bits')
+        lines.append(f'{name} = "{suggestions[name]}"' if name in suggestions else f'# {name} = ""  # {width} bits')
     return "\n".join(lines) + "\n"
 
 
-def text(path, found):
+def text(path, dump_signals):
     """Lines for a terminal."""
-    if not found:
+    if not dump_signals:
         raise FileError(f"{path}: has no signal")
-    wide = max(len(s.path) for s in found)
-    return "\n".join(f"{s.path.ljust(wide)}  {'' if s.width is None else f'{s.width} bits'}".rstrip() for s in found)
+    wide = max(len(s.path) for s in dump_signals)
+    return "\n".join(
+        f"{s.path.ljust(wide)}  {'' if s.width is None else f'{s.width} bits'}".rstrip() for s in dump_signals
+    )

@@ -15,11 +15,11 @@ import numpy as np
 
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle, top
-from testbench.golden.bundles.wrap import pins_of
+from testbench.golden.bundles.adapted_bundle import write_pin_bundle
 from testbench.golden.check import compare, design_run
 from testbench.golden.check.compare import Column, Report
 from testbench.golden.check.rtl_run import TIMEOUT_S, Runner, first_lines
-from testbench.golden.diagnosis.of_top import port_of
+from testbench.golden.diagnosis.design_graph import report_name
 from testbench.golden.recording import recording, replay
 from testbench.golden.stimulus import levels
 
@@ -28,14 +28,14 @@ FRAME = re.compile(r"frame (\d+) \(clocks ")
 PASSED = re.compile(r"PASS \S+: (\d+) clocks, (\d+) rows .* (\d+) of \d+ frames")
 UNREAD = ("ports/", "vec.csv", "golden.")  # files that no bench opens
 BEFORE, BEHIND = 2, 2  # frames around the one that differs: a waveform has two, 8 kHz work needs some behind
-SAID_BYTES = 1 << 28
+MOST_OUTPUT_BYTES = 1 << 28
 
 
-def _bench(folder, level, place, choice):
+def _bench(folder, level, work_folder, choice):
     """(folder in `place`, manifest) of the bench of a level: what it opens is copied, or written for the pins."""
-    bench, manifest = place / "bench", bundle.read(folder).manifest
-    if level != "registers" and (manifest["registers"] or _own(choice) or choice.latency):
-        return bench, pins_of(folder, level, bench, choice.map, choice.top, choice.latency)
+    bench, manifest = work_folder / "bench", bundle.read(folder).manifest
+    if level != "registers" and (manifest["registers"] or _has_custom_names(choice) or choice.latency):
+        return bench, write_pin_bundle(folder, level, bench, choice.map, choice.top, choice.latency)
     for name in manifest["sha256"]:
         if not name.startswith(UNREAD):
             (bench / name).parent.mkdir(parents=True, exist_ok=True)
@@ -43,24 +43,24 @@ def _bench(folder, level, place, choice):
     return bench, manifest
 
 
-def _own(choice):
+def _has_custom_names(choice):
     """Whether a design has names of its own."""
     return choice.map is not None or choice.top is not None
 
 
-def _listed(sources, place):
+def _write_file_list(sources, work_folder):
     """A list of the files of a design, whose folder need not have a file top."""
-    path = place / "design.f"
+    path = work_folder / "design.f"
     lines = [f"+incdir+{folder}" for folder in sources.includes] + [str(file) for file in sources.files]
     path.write_text("\n".join(lines) + "\n")
     return path
 
 
-def _said(run, bench, sim, rtl, files, level, frames=()):
+def _run_check_script(run, bench, sim, rtl, files, level, frames=()):
     """What check.sh says of a design; FileError if nothing was compared."""
-    given = [f"RTL={Path(rtl).resolve()}", f"LEVEL={level}", f"TIMEOUT={run.timeout_s:g}", *frames]
-    given += [f"FILES={Path(files).resolve()}"] if files else []
-    code, text = run("env", *given, "sh", bench / "check.sh", sim)
+    settings = [f"RTL={Path(rtl).resolve()}", f"LEVEL={level}", f"TIMEOUT={run.timeout_s:g}", *frames]
+    settings += [f"FILES={Path(files).resolve()}"] if files else []
+    code, text = run("env", *settings, "sh", bench / "check.sh", sim)
     if code == 0 or (code == 1 and ("rows differ" in text or "frames differ" in text)):
         return text
     if "stopped after" in text:
@@ -77,9 +77,9 @@ def _value(word, port):
     return raw - (1 << port["width"]) if port["signed"] and raw >> (port["width"] - 1) else raw
 
 
-def named(manifest):
+def prefixed_manifest(manifest):
     """Manifest in which registers and pins have different names (`of_top.port_of`)."""
-    registers = [{**p, "name": port_of(p["name"])} for p in manifest["registers"]]
+    registers = [{**p, "name": report_name(p["name"])} for p in manifest["registers"]]
     return {**manifest, "registers": registers, "schema": compare.SCHEMA}
 
 
@@ -88,12 +88,17 @@ def _logged(golden, text):
     manifest, first = golden.manifest, int(golden.at[0])
     ports = {p["name"]: p for p in manifest["inputs"]} | dict(levels.compared_ports(manifest, "registers"))
     columns = [Column(c.copy(), np.ones(len(c), bool)) for c in np.column_stack([golden.stim, golden.exp]).T]
-    found = dict(zip(ports, columns, strict=True))
+    columns_by_port = dict(zip(ports, columns, strict=True))
     for clock, name, _, got in ROW.findall(text):
         value = _value(got, ports[name])
-        found[name].values[int(clock) - first], found[name].known[int(clock) - first] = value or 0, value is not None
-    own = named(manifest)
-    return dict(zip([p["name"] for k in ("inputs", "registers", "outputs") for p in own[k]], columns, strict=True))
+        columns_by_port[name].values[int(clock) - first], columns_by_port[name].known[int(clock) - first] = (
+            value or 0,
+            value is not None,
+        )
+    port_manifest = prefixed_manifest(manifest)
+    return dict(
+        zip([p["name"] for k in ("inputs", "registers", "outputs") for p in port_manifest[k]], columns, strict=True)
+    )
 
 
 def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
@@ -106,57 +111,75 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     if not 0 < timeout_s <= 86400:
         raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
     manifest = bundle.read(folder).manifest
-    level = choice.level or top.level_of(manifest)
+    level = choice.level or top.bundle_level(manifest)
     if level not in levels.LEVELS or (level == "registers" and not manifest["registers"]):
         raise ConfigError(f"level: {level!r} is not a level of {folder}")
-    if _own(choice) and level == "registers":
+    if _has_custom_names(choice) and level == "registers":
         raise ConfigError("--map, --top: the whole design has names of its own at --level pins")
-    design = design_run.chosen(manifest, rtl, choice._replace(level=level))
+    design = design_run.select_design(manifest, rtl, choice._replace(level=level))
     sim = design.sim
-    with tempfile.TemporaryDirectory(prefix="gyro-check-") as place:
-        place = Path(place).resolve()
-        (bench, own), run = _bench(folder, level, place, choice), Runner(place, timeout_s, SAID_BYTES)
-        files = choice.files or (_listed(design.sources, place) if _own(choice) else None)
-        text = _said(run, bench, sim, rtl, files, level)
+    with tempfile.TemporaryDirectory(prefix="gyro-check-") as work_folder:
+        work_folder = Path(work_folder).resolve()
+        (bench, bench_manifest), run = (
+            _bench(folder, level, work_folder, choice),
+            Runner(work_folder, timeout_s, MOST_OUTPUT_BYTES),
+        )
+        files = choice.files or (_write_file_list(design.sources, work_folder) if _has_custom_names(choice) else None)
+        text = _run_check_script(run, bench, sim, rtl, files, level)
         differs = "FAIL " in text
-        found = _window(text, run, bench, sim, rtl, files, level, own) if differs else None
+        report = _compare_window(text, run, bench, sim, rtl, files, level, bench_manifest) if differs else None
     count = int(re.search(r"(?:of|all) (\d+) rows", text)[1] if differs else PASSED.search(text)[2])
-    ports = tuple(p["name"] for k in ("registers", "outputs") for p in named(own)[k])
-    late = {f"o_{name}": k for name, k in own.get("clocks", {}).items()}
-    if found is None:
-        return Report("top", own["case"], count, own["n"], ports, (), level, count, late, {}, None, ())
-    return found._replace(level=level, rows=count, golden_rows=own["n"], judged_rows=count, ports=ports, clocks=late)
+    ports = tuple(p["name"] for k in ("registers", "outputs") for p in prefixed_manifest(bench_manifest)[k])
+    port_delays = {f"o_{name}": k for name, k in bench_manifest.get("clocks", {}).items()}
+    if report is None:
+        return Report(
+            "top",
+            bench_manifest["case"],
+            count,
+            bench_manifest["n"],
+            ports,
+            (),
+            level,
+            count,
+            port_delays,
+            {},
+            None,
+            (),
+        )
+    return report._replace(
+        level=level, rows=count, golden_rows=bench_manifest["n"], judged_rows=count, ports=ports, clocks=port_delays
+    )
 
 
-def _window(text, run, bench, sim, rtl, files, level, manifest):
+def _compare_window(text, run, bench, sim, rtl, files, level, manifest):
     """`Report` of every clock of the frames around the first that a bench names."""
     clocks = manifest["frame_cycles"]
     frames = [int(number) for number in FRAME.findall(text)]
     row = ROW.search(text)
     frames += [int(row[1]) // clocks] if row else []
     begin, end = max(min(frames) - BEFORE, 0), min(min(frames) + BEHIND + 1, manifest["frames"])
-    place = recording.Window(begin * clocks, (end - begin) * clocks, "differs")
-    r, window = top.begun(top.replayed(bench, manifest), end, (place,)), run.folder / "window"
-    at = np.arange(place.first, place.first + place.count)
+    clock_window = recording.Window(begin * clocks, (end - begin) * clocks, "differs")
+    r, window = top.first_frames(top.read_recording(bench, manifest), end, (clock_window,)), run.folder / "window"
+    at = np.arange(clock_window.first, clock_window.first + clock_window.count)
     more = {path.name: path.read_text() for path in bench.glob("golden_top.v*")}
-    clocks = top.late_of(bench, manifest)
-    top.write(r, window, at, "design" in manifest, top.level_of(manifest), place.count, more, clocks)
+    clocks = top.pin_delays(bench, manifest)
+    top.write(r, window, at, "design" in manifest, top.bundle_level(manifest), clock_window.count, more, clocks)
     golden = bundle.read(window)
-    got = _logged(golden, _said(run, window, sim, rtl, files, level, ("FRAMES=0",)))
-    own, exp = golden.manifest, golden.exp
-    if not own["registers"] and not clocks:
+    got = _logged(golden, _run_check_script(run, window, sim, rtl, files, level, ("FRAMES=0",)))
+    window_manifest, exp = golden.manifest, golden.exp
+    if not window_manifest["registers"] and not clocks:
         # a diagnosis of the pins needs the registers of the model
         rows = replay.run(r.params, r.stimulus, r.frames, at, registers=False)
-        block, exp = top.block({r.name: r.params}, r.params.design), np.column_stack([rows.registers, exp])
-        own = own | {"registers": [bundle.port(p) for p in block.registers]}
-    own = named(own)
-    found = compare.compare(
-        own,
-        dict(zip([p["name"] for p in own["inputs"]], golden.stim.T.copy())),
-        dict(zip([p["name"] for p in own["registers"] + own["outputs"]], exp.T.copy())),
+        block, exp = top.make_block({r.name: r.params}, r.params.design), np.column_stack([rows.registers, exp])
+        window_manifest = window_manifest | {"registers": [bundle.port(p) for p in block.registers]}
+    window_manifest = prefixed_manifest(window_manifest)
+    report = compare.compare(
+        window_manifest,
+        dict(zip([p["name"] for p in window_manifest["inputs"]], golden.stim.T.copy())),
+        dict(zip([p["name"] for p in window_manifest["registers"] + window_manifest["outputs"]], exp.T.copy())),
         got,
-        terms=compare.Terms(level, place.first),
+        terms=compare.Terms(level, clock_window.first),
     )
-    if found.passed:
+    if report.passed:
         raise FileError(f"{rtl}: frame {min(frames)} differs in one run of {sim} and not in the next")
-    return found
+    return report

@@ -9,7 +9,7 @@ Source  IEEE 1364-2005, section 18.2
 import re
 
 from testbench.errors import FileError
-from testbench.storage.inputs import opened
+from testbench.storage.inputs import open_input
 
 BLOCK_BYTES = 1 << 20
 MOST_HEADER = 1 << 26  # bytes
@@ -20,22 +20,22 @@ VALUES = frozenset("01xXzZuUwWlLhH-")
 LONG_VALUES = frozenset("bBrRsS")
 
 
-def _words(path, file):
+def _split_words(path, file):
     """Words of the rest of a file."""
-    left = b""
+    partial_word = b""
     while block := file.read(BLOCK_BYTES):
-        words = (left + block).split()
-        left = words.pop() if words and not block[-1:].isspace() else b""
-        if len(left) > LONGEST_WORD:
+        words = (partial_word + block).split()
+        partial_word = words.pop() if words and not block[-1:].isspace() else b""
+        if len(partial_word) > LONGEST_WORD:
             raise FileError(f"{path}: a word of more than {LONGEST_WORD} characters")
         yield from words
-    if left:
-        yield left
+    if partial_word:
+        yield partial_word
 
 
 def _texts(path, file):
     """Words as text; `header` and `changes` share the generator."""
-    for word in _words(path, file):
+    for word in _split_words(path, file):
         try:
             yield word.decode("ascii")
         except UnicodeDecodeError:
@@ -44,15 +44,15 @@ def _texts(path, file):
 
 def _section(path, token, words):
     """Words of a section up to its $end."""
-    found = []
+    fields = []
     for word in words:
         if word == "$end":
-            return found
-        found.append(word)
+            return fields
+        fields.append(word)
     raise FileError(f"{path}: header: section {token} has no $end")
 
 
-def _declared(words):
+def _parse_variable(words):
     """(name, identifier, width, kind) of a $var."""
     # one bit of an array is a signal of its own; a range is only how the signal was declared
     name = re.sub(r" (\[[^ ]*\])$", r"\1", " ".join(words[3:]))
@@ -64,25 +64,25 @@ def _declared(words):
 
 def _header(path, words):
     """[(path of a signal, (identifier, width, kind))]."""
-    scopes, known, size = [], [], 0
+    scopes, signals, size = [], [], 0
     for token in words:
         if not token.startswith("$"):
             raise FileError(f"{path}: is not a VCD file: no $enddefinitions before {token[:40]!r}")
-        found = _section(path, token, words)
-        size += sum(map(len, found)) + len(token)
+        fields = _section(path, token, words)
+        size += sum(map(len, fields)) + len(token)
         if size > MOST_HEADER:
             raise FileError(f"{path}: the header is longer than {MOST_HEADER} characters")
         if token == "$enddefinitions":
-            return known
-        if token == "$scope" and len(found) == 2:
-            scopes.append(found[1])
+            return signals
+        if token == "$scope" and len(fields) == 2:
+            scopes.append(fields[1])
         elif token == "$upscope" and scopes:
             scopes.pop()
-        elif token == "$var" and len(found) >= 4 and re.fullmatch(r"\d{1,9}", found[1]):
-            name, *rest = _declared(found)
-            known.append((".".join([*scopes, name]), tuple(rest)))
+        elif token == "$var" and len(fields) >= 4 and re.fullmatch(r"\d{1,9}", fields[1]):
+            name, *attributes = _parse_variable(fields)
+            signals.append((".".join([*scopes, name]), tuple(attributes)))
         elif token in ("$scope", "$upscope", "$var"):
-            raise FileError(f"{path}: header: broken {token} {' '.join(found)[:40]}")
+            raise FileError(f"{path}: header: broken {token} {' '.join(fields)[:40]}")
     raise FileError(f"{path}: is not a VCD file: no $enddefinitions")
 
 
@@ -91,10 +91,10 @@ def read(path, choose):
 
     choose  function of [(path, (identifier, width, kind))] that gives the identifiers
     """
-    with opened(path) as file:
+    with open_input(path) as file:
         words = _texts(path, file)
-        wanted = choose(_header(path, words))
-        return _changes(path, words, {identifier: ([], []) for identifier in wanted})
+        identifiers = choose(_header(path, words))
+        return _changes(path, words, {identifier: ([], []) for identifier in identifiers})
 
 
 def _later(path, word, time):
@@ -103,7 +103,7 @@ def _later(path, word, time):
     return int(word[1:])
 
 
-def _changes(path, words, found):
+def _changes(path, words, changes):
     time = 0
     for word in words:
         first = word[0]
@@ -115,17 +115,17 @@ def _changes(path, words, found):
                 raise FileError(f"{path}: the file ends inside a value")
             if len(word) < 2:
                 raise FileError(f"{path}: {word} {name[:40]} at #{time} is a value without bits")
-            if name in found and first in "bB":
-                found[name][0].append(time)
-                found[name][1].append(word[1:])
+            if name in changes and first in "bB":
+                changes[name][0].append(time)
+                changes[name][1].append(word[1:])
         elif first in VALUES:
-            if word[1:] in found:
-                found[word[1:]][0].append(time)
-                found[word[1:]][1].append(first)
+            if word[1:] in changes:
+                changes[word[1:]][0].append(time)
+                changes[word[1:]][1].append(first)
         elif word == "$comment":
             for other in words:
                 if other == "$end":
                     break
         elif first != "$":
             raise FileError(f"{path}: {word[:40]!r} at #{time} is not a VCD value")
-    return found
+    return changes

@@ -28,9 +28,9 @@ from fpga_model.fixed import bits
 from testbench.errors import FileError
 from testbench.golden.bundles import bundle
 from testbench.golden.check import ghw, vcd_log
-from testbench.golden.check.compare import BEFORE, Column, against, formats
-from testbench.golden.check.signal_paths import listed_signals, wanted_signal
-from testbench.storage import inputs, trial
+from testbench.golden.check.compare import BEFORE, Column, compare_bundle, formats
+from testbench.golden.check.signal_paths import find_signal, index_signals
+from testbench.storage import inputs, sandboxed_read
 from testbench.storage.inputs import parse_json
 
 SCHEMA = "gyro-map/1.0"
@@ -55,11 +55,11 @@ def read_map(path):
     path = Path(path)
     tree = inputs.read_toml(path, error=FileError)
 
-    def need(ok, key, value, limit):
+    def check_entry(ok, key, value, limit):
         if not ok:
             raise FileError(f"{path}: {key}: {value!r} is not {limit}")
 
-    need(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
+    check_entry(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
     allowed = {
         "schema": (),
         "first_edge": (),
@@ -68,20 +68,24 @@ def read_map(path):
         "reset": ("signal", "active"),
     }
     for key, value in tree.items():
-        need(key in allowed, "key", key, f"one of {', '.join(allowed)}")
+        check_entry(key in allowed, "key", key, f"one of {', '.join(allowed)}")
         if key in ("ports", "clock", "reset"):
-            need(isinstance(value, dict), key, value, "a table")
+            check_entry(isinstance(value, dict), key, value, "a table")
         for name in value if allowed[key] else ():
-            need(name in allowed[key], f"{key} key", name, f"one of {', '.join(allowed[key])}")
+            check_entry(name in allowed[key], f"{key} key", name, f"one of {', '.join(allowed[key])}")
     ports, clock, reset = tree.get("ports", {}), tree.get("clock", {}), tree.get("reset")
-    need(ports and all(isinstance(v, str) for v in ports.values()), "ports", ports, "a table of port = signal path")
-    need(isinstance(clock.get("signal", ""), str), "clock.signal", clock.get("signal"), "a signal path")
-    need(clock.get("edge", "rising") in ("rising", "falling"), "clock.edge", clock.get("edge"), "rising or falling")
+    check_entry(
+        ports and all(isinstance(v, str) for v in ports.values()), "ports", ports, "a table of port = signal path"
+    )
+    check_entry(isinstance(clock.get("signal", ""), str), "clock.signal", clock.get("signal"), "a signal path")
+    check_entry(
+        clock.get("edge", "rising") in ("rising", "falling"), "clock.edge", clock.get("edge"), "rising or falling"
+    )
     if reset is not None:
-        need(isinstance(reset.get("signal"), str), "reset.signal", reset.get("signal"), "a signal path")
-        need(reset.get("active", 1) in (0, 1), "reset.active", reset.get("active"), "0 or 1")
+        check_entry(isinstance(reset.get("signal"), str), "reset.signal", reset.get("signal"), "a signal path")
+        check_entry(reset.get("active", 1) in (0, 1), "reset.active", reset.get("active"), "0 or 1")
     first = tree.get("first_edge", 0)
-    need(type(first) is int and first >= 0, "first_edge", first, "a whole number from 0")
+    check_entry(type(first) is int and first >= 0, "first_edge", first, "a whole number from 0")
     return Map(
         ports=ports,
         clock=clock.get("signal", ""),
@@ -96,21 +100,23 @@ def read_map(path):
 
 def _vcd(path, paths):
     """Changes of the wanted signals of a VCD file, and the slices."""
-    found, taken = {}, {}
+    identifiers, slices = {}, {}
 
-    def choose(known):
-        known = listed_signals(known)
-        for wanted in paths:
-            signal, hi, lo = wanted_signal(wanted, known, path)
-            identifier, width, kind = known[signal]
+    def choose(signals):
+        signals = index_signals(signals)
+        for signal_path in paths:
+            signal, hi, lo = find_signal(signal_path, signals, path)
+            identifier, width, kind = signals[signal]
             if kind in ("real", "realtime", "string", "event"):
                 raise FileError(f"{path}: signal {signal} is a {kind}, not bits")
-            found[wanted] = identifier
-            taken[wanted] = (width, hi, lo)
-        return found.values()
+            identifiers[signal_path] = identifier
+            slices[signal_path] = (width, hi, lo)
+        return identifiers.values()
 
     changes = vcd_log.read(path, choose)
-    return {wanted: (*changes[identifier], *taken[wanted]) for wanted, identifier in found.items()}
+    return {
+        signal_path: (*changes[identifier], *slices[signal_path]) for signal_path, identifier in identifiers.items()
+    }
 
 
 def _fst(path, paths):
@@ -119,38 +125,38 @@ def _fst(path, paths):
         import pywellen  # noqa: F401
     except ImportError:
         raise FileError(f"{path}: FST needs pywellen: pip install pywellen, or dump VCD") from None
-    with inputs.opened(path):
-        said = trial.tried("testbench.golden.check.fst_log", path, "FST file", *paths)
-    return parse_json(said, path, dict[str, tuple[list[int], list[str], int, int | None, int | None]])
+    with inputs.open_input(path):
+        output = sandboxed_read.read_in_subprocess("testbench.golden.check.fst_log", path, "FST file", *paths)
+    return parse_json(output, path, dict[str, tuple[list[int], list[str], int, int | None, int | None]])
 
 
 def _ghw(path, paths):
     """As `_vcd`, for GHW."""
-    found = {}
+    slices = {}
 
-    def choose(known):
-        listed = listed_signals((name, name) for name in known)
-        for wanted in paths:
-            signal, hi, lo = wanted_signal(wanted, listed, path)
-            found[wanted] = listed[signal], hi, lo
-            if not known[listed[signal]] or known[listed[signal]] > MOST_WIDTH:
+    def choose(widths):
+        signal_index = index_signals((name, name) for name in widths)
+        for signal_path in paths:
+            signal, hi, lo = find_signal(signal_path, signal_index, path)
+            slices[signal_path] = signal_index[signal], hi, lo
+            if not widths[signal_index[signal]] or widths[signal_index[signal]] > MOST_WIDTH:
                 raise FileError(f"{path}: signal {signal} is not bits, or more than {MOST_WIDTH}")
-        return list(dict.fromkeys(signal for signal, _, _ in found.values()))
+        return list(dict.fromkeys(signal for signal, _, _ in slices.values()))
 
     columns = ghw.read(path, choose)
-    return {wanted: (*columns[signal], hi, lo) for wanted, (signal, hi, lo) in found.items()}
+    return {signal_path: (*columns[signal], hi, lo) for signal_path, (signal, hi, lo) in slices.items()}
 
 
 READERS = {".vcd": _vcd, ".fst": _fst, ".ghw": _ghw, ".csv": None}
 
 
-def _extended(text, width):
+def _extend_bits(text, width):
     """All bits of a VCD vector: the left is filled with 0, or with the unknown that leads."""
     text = text.translate(LEVELS).lower()
     return text.rjust(width, text[0] if text[0] not in "01" else "0")
 
 
-def _number(text, signed):
+def _parse_bits(text, signed):
     """Value of bits, or None."""
     if set(text) - {"0", "1"}:
         return None
@@ -158,30 +164,30 @@ def _number(text, signed):
     return value - (1 << len(text)) if signed and text[0] == "1" else value
 
 
-def _sampled(change, at, port, fmt, where):
+def _sample_column(change, at, port, fmt, where):
     """Column of a signal just before the times `at`."""
     times, texts, width, hi, lo = change
     if width > MOST_WIDTH:
         raise FileError(f"{where}: port {port}: a signal of {width} bits, above the limit {MOST_WIDTH}")
     if hi is not None and hi >= width:
         raise FileError(f"{where}: port {port}: bit {hi} of a signal of {width} bits")
-    taken = width if hi is None else hi - lo + 1
-    if taken != fmt.width:
-        raise FileError(f"{where}: port {port}: {taken} bits in the dump, {fmt.width} in the manifest")
+    bit_count = width if hi is None else hi - lo + 1
+    if bit_count != fmt.width:
+        raise FileError(f"{where}: port {port}: {bit_count} bits in the dump, {fmt.width} in the manifest")
     decoded = np.zeros(len(texts) + 1, np.int64)
-    known = np.zeros(len(texts) + 1, bool)
+    valid = np.zeros(len(texts) + 1, bool)
     for k, text in enumerate(texts):
-        text = _extended(text, width)
+        text = _extend_bits(text, width)
         if hi is not None:
             text = text[width - 1 - hi : width - lo]
-        value = _number(text, fmt.s)
+        value = _parse_bits(text, fmt.s)
         if value is not None:
-            decoded[k + 1], known[k + 1] = value, True
-    place = np.searchsorted(np.asarray(times, np.int64), at, "left")
-    return Column(decoded[place], known[place])
+            decoded[k + 1], valid[k + 1] = value, True
+    change_index = np.searchsorted(np.asarray(times, np.int64), at, "left")
+    return Column(decoded[change_index], valid[change_index])
 
 
-def _edges(change, rising, where):
+def _active_edges(change, rising, where):
     """Times of the active edges: from a known level to the other."""
     times, texts, width, _, _ = change
     if width != 1:
@@ -192,25 +198,25 @@ def _edges(change, rising, where):
     last = {}
     for time, level in zip(times, levels):
         last[time] = level
-    found, before = [], None
+    edge_times, before = [], None
     for time, level in last.items():
         if before == old and level == new:
-            found.append(time)
+            edge_times.append(time)
         before = level
-    if not found:
+    if not edge_times:
         raise FileError(f"{where}: the clock has no {'rising' if rising else 'falling'} edge")
-    return np.array(found, np.int64)
+    return np.array(edge_times, np.int64)
 
 
 def _from_dump(path, reader, signals, fmts):
     if not signals.clock:
         raise FileError(f"{path}: the map has no clock.signal")
-    wanted = [signals.clock, *signals.ports.values()] + ([signals.reset[0]] if signals.reset else [])
-    changes = reader(path, list(dict.fromkeys(wanted)))
-    at = _edges(changes[signals.clock], signals.rising, path)
+    signal_paths = [signals.clock, *signals.ports.values()] + ([signals.reset[0]] if signals.reset else [])
+    changes = reader(path, list(dict.fromkeys(signal_paths)))
+    at = _active_edges(changes[signals.clock], signals.rising, path)
     if signals.reset:
         name, active = signals.reset
-        levels = _sampled(changes[name], at, "reset", bits(1), path)
+        levels = _sample_column(changes[name], at, "reset", bits(1), path)
         asserted = np.flatnonzero(levels.known & (levels.values == active))
         free = np.flatnonzero(levels.known & (levels.values != active))
         free = free[free > asserted[0]] if len(asserted) else free[:0]
@@ -220,7 +226,7 @@ def _from_dump(path, reader, signals, fmts):
     at = at[signals.first_edge :]
     if not len(at):
         raise FileError(f"{path}: first_edge {signals.first_edge} is behind the last clock edge")
-    return {port: _sampled(changes[name], at, port, fmts[port], path) for port, name in signals.ports.items()}
+    return {port: _sample_column(changes[name], at, port, fmts[port], path) for port, name in signals.ports.items()}
 
 
 # CSV ------------------------------------------------------------------------------------------------------------------
@@ -243,7 +249,7 @@ def _from_csv(path, signals, fmts):
         if name not in header:
             raise FileError(f"{path}: no column {name}; there is {', '.join(header[:8])}")
         k, fmt = header.index(name), fmts[port]
-        values, known = np.zeros(len(rows), np.int64), np.zeros(len(rows), bool)
+        values, valid = np.zeros(len(rows), np.int64), np.zeros(len(rows), bool)
         for n, row in enumerate(rows):
             cell = row[k].strip()
             if not cell or set(cell.lower()) <= set("xzuw"):
@@ -257,12 +263,12 @@ def _from_csv(path, signals, fmts):
                 value -= 1 << fmt.width
             if not fmt.holds(value):
                 raise FileError(f"{path}: row {n}, {name}: {cell} does not fit {fmt.width} bits {fmt}")
-            values[n], known[n] = value, True
-        out[port] = Column(values, known)
+            values[n], valid[n] = value, True
+        out[port] = Column(values, valid)
     return out
 
 
-def kind_of(path):
+def dump_type(path):
     """Ending of a dump, .vcd, .fst, .ghw or .csv; FileError for another, or for the content of another."""
     kind, first = Path(path).suffix.lower(), inputs.head(path, len(ghw.MAGIC))
     content = ".fst" if first.startswith(FST) else ".ghw" if first == ghw.MAGIC else kind
@@ -282,7 +288,7 @@ def read_log(path, signals, fmts):
     strange = sorted(set(signals.ports) - set(fmts))
     if strange:
         raise FileError(f"map: port {strange[0]} is not in the manifest; there is {', '.join(list(fmts)[:12])}")
-    kind = kind_of(path)
+    kind = dump_type(path)
     if kind == ".csv":
         return _from_csv(path, signals, fmts)
     return _from_dump(path, READERS[kind], signals, fmts)
@@ -291,4 +297,4 @@ def read_log(path, signals, fmts):
 def check(folder, log, map_path, before=BEFORE):
     """Compare a log with the bundle in `folder`, which is verified first; returns a `compare.Report`."""
     golden = bundle.read(folder)
-    return against(golden, read_log(log, read_map(map_path), formats(golden.manifest)), before)
+    return compare_bundle(golden, read_log(log, read_map(map_path), formats(golden.manifest)), before)

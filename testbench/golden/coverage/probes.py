@@ -353,7 +353,7 @@ def build_probed_step(block, case, watched=None):
 
 def edge(block, case, step):
     """Function (state, row of inputs without rst) -> next state, by the given step."""
-    names = registry.arguments(registry.declared()[block.stem])
+    names = registry.arguments(registry.block_modules()[block.stem])
     state_index, params = names.index("s"), block.cases[case]
 
     def step_row(s, row):

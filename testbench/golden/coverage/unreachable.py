@@ -92,7 +92,7 @@ CLAIMS = (
     Claim(("spi_adc",), ("wrap(shift, _)",), ("under", "lo"), UNSIGNED),
     Claim(
         ("spi_adc",),
-        ("below == 0", "count & (1 << half_bits) - 1 == 0"),
+        ("half_count == 0", "count & (1 << half_bits) - 1 == 0"),
         ("no", "-1", "+1"),
         "a half period of the default design is one clock",
     ),
@@ -344,7 +344,7 @@ def _fault_exclusions(block, case, goal_sites):
 
 def _register_exclusions(block, case, goal_sites):
     for goal, site in goal_sites:
-        if goal[2] != "over" or site.function != "_load" or not site.has_shape("wrap_unsigned(_, _)"):
+        if goal[2] != "over" or site.function != "_load_register" or not site.has_shape("wrap_unsigned(_, _)"):
             continue
         if registers.WRITABLE[site.copy - 1].fmt.width == registers.DATA.width:
             yield goal, "the register is as wide as the data"

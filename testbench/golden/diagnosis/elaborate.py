@@ -47,9 +47,9 @@ UNARY = {
     ast.Not: ("not", operator.not_),
 }
 BUILTINS = {"int": int, "abs": abs}
-PRIMITIVES = {registry.python_of(fixed.clamp): "clamp", registry.python_of(fixed.wrap): "wrap"}
-PRIMITIVES |= {registry.python_of(fixed.wrap_unsigned): "wrapu"}
-PRIMITIVES |= {registry.python_of(rule): name for name, rule in fixed.ROUNDINGS.items()}
+PRIMITIVES = {registry.python_function(fixed.clamp): "clamp", registry.python_function(fixed.wrap): "wrap"}
+PRIMITIVES |= {registry.python_function(fixed.wrap_unsigned): "wrapu"}
+PRIMITIVES |= {registry.python_function(rule): name for name, rule in fixed.ROUNDINGS.items()}
 
 
 @cache
@@ -71,13 +71,13 @@ def static(node):
         return node.value[1]
     if node.op not in OPERATIONS:
         return None
-    found = []
+    values = []
     for a in node.args:
         value = static(a)
         if value is None:
             return None
-        found.append(value)
-    return int(OPERATIONS[node.op][0](*[np.int64(value) for value in found]))
+        values.append(value)
+    return int(OPERATIONS[node.op][0](*[np.int64(value) for value in values]))
 
 
 class Elaborator:
@@ -89,67 +89,71 @@ class Elaborator:
     def as_node(self, value):
         return value if isinstance(value, Node) else self.net.const(value)
 
-    def made(self, op, args, text=""):
+    def operation_node(self, op, args, text=""):
         return self.net.node(op, [self.as_node(a) for a in args], None, text)
 
-    def merged(self, test, a, b):
+    def merge_values(self, test, a, b):
         """`a` where the test holds, else `b`, leaf by leaf."""
         if a is b:
             return a
         if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
-            items = [self.merged(test, x, y) for x, y in zip(a, b)]
+            items = [self.merge_values(test, x, y) for x, y in zip(a, b)]
             return type(a)(*items) if hasattr(a, "_fields") else tuple(items)
         if isinstance(a, (Node, int)) and isinstance(b, (Node, int)):
             a, b = self.as_node(a), self.as_node(b)
-            return a if a is b else self.made("mux", (test, a, b), f"{test!r} ? {a!r} : {b!r}")
+            return a if a is b else self.operation_node("mux", (test, a, b), f"{test!r} ? {a!r} : {b!r}")
         if a == b:
             return a
         raise Unsupported(f"{type(a).__name__} or {type(b).__name__}")
 
     def call(self, function, args, kwargs, names=None):
         """Result of a function of the model for values of its arguments."""
-        function = registry.python_of(function)
+        function = registry.python_function(function)
         if function in PRIMITIVES:
             if any(isinstance(a, Node) for a in args):
-                return self.made(PRIMITIVES[function], args)
+                return self.operation_node(PRIMITIVES[function], args)
             return int(function(*args))
         if function in (int, abs):
             if not isinstance(args[0], Node):
                 return function(args[0])
-            return args[0] if function is int else self.made("abs", args, f"abs({args[0]!r})")
+            return args[0] if function is int else self.operation_node("abs", args, f"abs({args[0]!r})")
         if isinstance(function, type) and hasattr(function, "_fields"):
             return function(*args, **kwargs)
         if not inspect.isfunction(function):
             raise Unsupported(f"call of {function!r}")
-        given = inspect.signature(function).bind(*args, **kwargs)
-        given.apply_defaults()
+        bound_arguments = inspect.signature(function).bind(*args, **kwargs)
+        bound_arguments.apply_defaults()
         tree = _tree(function)
         try:
-            return self.block(tree.body, dict(given.arguments), function.__globals__)
+            return self.evaluate_statements(tree.body, dict(bound_arguments.arguments), function.__globals__)
         except Unsupported as error:
             raise Unsupported(f"{function.__module__}.{function.__name__}: {error}") from None
 
-    def block(self, statements, env, names):
+    def evaluate_statements(self, statements, env, names):
         """Value that the statements return; `env` gets what they assign. None if they return nothing."""
         for k, statement in enumerate(statements):
-            rest = statements[k + 1 :]
+            remaining = statements[k + 1 :]
             if isinstance(statement, ast.Return):
                 return self.value(statement.value, env, names)
             if isinstance(statement, ast.If):
                 test = self.value(statement.test, env, names)
                 if not isinstance(test, Node):
-                    return self.block([*(statement.body if test else statement.orelse), *rest], env, names)
+                    return self.evaluate_statements(
+                        [*(statement.body if test else statement.orelse), *remaining], env, names
+                    )
                 ways = (statement.body, statement.orelse)
                 if _returns(statement):
-                    return self.merged(test, *[self.block([*way, *rest], dict(env), names) for way in ways])
+                    return self.merge_values(
+                        test, *[self.evaluate_statements([*way, *remaining], dict(env), names) for way in ways]
+                    )
                 yes, no = dict(env), dict(env)
-                self.block(ways[0], yes, names)
-                self.block(ways[1], no, names)
-                env.update({name: self.merged(test, yes[name], no[name]) for name in yes.keys() & no.keys()})
+                self.evaluate_statements(ways[0], yes, names)
+                self.evaluate_statements(ways[1], no, names)
+                env.update({name: self.merge_values(test, yes[name], no[name]) for name in yes.keys() & no.keys()})
             elif isinstance(statement, ast.Assign):
-                found = self.value(statement.value, env, names)
+                new_value = self.value(statement.value, env, names)
                 for target in statement.targets:
-                    self.assign(target, found, env)
+                    self.assign(target, new_value, env)
             elif isinstance(statement, ast.AugAssign):
                 both = ast.BinOp(ast.Name(statement.target.id, ast.Load()), statement.op, statement.value)
                 env[statement.target.id] = self.value(both, env, names)
@@ -157,11 +161,11 @@ class Elaborator:
                 raise Unsupported(ast.unparse(statement))
         return None
 
-    def assign(self, target, found, env):
+    def assign(self, target, new_value, env):
         if isinstance(target, ast.Name):
-            env[target.id] = found
+            env[target.id] = new_value
         elif isinstance(target, ast.Tuple):
-            for part, value in zip(target.elts, found, strict=True):
+            for part, value in zip(target.elts, new_value, strict=True):
                 self.assign(part, value, env)
         else:
             raise Unsupported(ast.unparse(target))
@@ -192,16 +196,20 @@ class Elaborator:
         return tuple(self.value(item, env, names) for item in node.elts)
 
     def _unaryop(self, node, env, names):
-        op, of = UNARY[type(node.op)]
-        found = self.value(node.operand, env, names)
-        return self.made(op, (found,), ast.unparse(node)) if isinstance(found, Node) else int(of(found))
+        op, function = UNARY[type(node.op)]
+        operand = self.value(node.operand, env, names)
+        return (
+            self.operation_node(op, (operand,), ast.unparse(node))
+            if isinstance(operand, Node)
+            else int(function(operand))
+        )
 
     def _binop(self, node, env, names):
-        op, of = BINARY[type(node.op)]
+        op, function = BINARY[type(node.op)]
         a, b = self.value(node.left, env, names), self.value(node.right, env, names)
         if isinstance(a, Node) or isinstance(b, Node):
-            return self.made(op, (a, b), ast.unparse(node))
-        return of(a, b)
+            return self.operation_node(op, (a, b), ast.unparse(node))
+        return function(a, b)
 
     def _compare(self, node, env, names):
         if len(node.ops) != 1:
@@ -209,93 +217,93 @@ class Elaborator:
         a, b = self.value(node.left, env, names), self.value(node.comparators[0], env, names)
         if isinstance(node.ops[0], ast.Is):  # an optional part is there, or not
             return int(a is b)
-        op, of = COMPARE[type(node.ops[0])]
+        op, function = COMPARE[type(node.ops[0])]
         if isinstance(a, Node) or isinstance(b, Node):
-            return self._flag(op, a, b) or self.made(op, (a, b), ast.unparse(node))
-        return int(of(a, b))
+            return self._flag(op, a, b) or self.operation_node(op, (a, b), ast.unparse(node))
+        return int(function(a, b))
 
     def _flag(self, op, a, b):
         """A flag that is compared with 0 or 1 is the flag, or its opposite."""
         if op not in ("eq", "ne") or b not in (0, 1) or not isinstance(a, Node) or (a.lo, a.hi) != (0, 1):
             return None
-        return a if (op == "eq") == (b == 1) else self.made("not", (a,), f"not {a!r}")
+        return a if (op == "eq") == (b == 1) else self.operation_node("not", (a,), f"not {a!r}")
 
     def _boolop(self, node, env, names):
         both = isinstance(node.op, ast.And)
-        found = self.value(node.values[0], env, names)
+        result = self.value(node.values[0], env, names)
         for part in node.values[1:]:
-            if not isinstance(found, Node):
-                if bool(found) != both:
-                    return found
-                found = self.value(part, env, names)
+            if not isinstance(result, Node):
+                if bool(result) != both:
+                    return result
+                result = self.value(part, env, names)
                 continue
             other = self.value(part, env, names)
-            found = self.made("land" if both else "lor", (found, other), ast.unparse(node))
-        return found
+            result = self.operation_node("land" if both else "lor", (result, other), ast.unparse(node))
+        return result
 
     def _ifexp(self, node, env, names):
         test = self.value(node.test, env, names)
         if not isinstance(test, Node):
             return self.value(node.body if test else node.orelse, env, names)
-        return self.merged(test, self.value(node.body, env, names), self.value(node.orelse, env, names))
+        return self.merge_values(test, self.value(node.body, env, names), self.value(node.orelse, env, names))
 
     def _subscript(self, node, env, names):
-        whole = self.value(node.value, env, names)
+        sequence = self.value(node.value, env, names)
         if isinstance(node.slice, ast.Slice):
             ends = [part and self.value(part, env, names) for part in (node.slice.lower, node.slice.upper)]
-            return whole[slice(*ends)]
-        at = self.value(node.slice, env, names)
-        number = static(at)
+            return sequence[slice(*ends)]
+        index = self.value(node.slice, env, names)
+        number = static(index)
         if number is not None:
-            found = whole[number]
-            return int(found) if isinstance(found, np.integer) else found
-        return self.net.node("table", (at,), tuple(int(word) for word in whole), ast.unparse(node))
+            element = sequence[number]
+            return int(element) if isinstance(element, np.integer) else element
+        return self.net.node("table", (index,), tuple(int(word) for word in sequence), ast.unparse(node))
 
     def _call(self, node, env, names):
         args = []
         for part in node.args:
             star = isinstance(part, ast.Starred)
-            found = self.value(part.value if star else part, env, names)
-            args += found if star else [found]
+            argument = self.value(part.value if star else part, env, names)
+            args += argument if star else [argument]
         kwargs = {k.arg: self.value(k.value, env, names) for k in node.keywords}
-        made = self.call(self.value(node.func, env, names), args, kwargs)
-        if isinstance(made, Node) and not made.text:
-            made.text = ast.unparse(node)
-        return made
+        result = self.call(self.value(node.func, env, names), args, kwargs)
+        if isinstance(result, Node) and not result.text:
+            result.text = ast.unparse(node)
+        return result
 
 
-def of_block(stem, params, design):
+def block_net(stem, params, design):
     """`Net` of a block with the parameters {flat name: raw} of a design record; raises `Unsupported`."""
-    module = registry.declared()[stem]
+    module = registry.block_modules()[stem]
     net = Net()
     runtime = module.BLOCK.runtime_params
-    given = dict(registry.structure(module, design))
+    arguments = dict(registry.structure(module, design))
     if hasattr(module, "Params") and not runtime:
         shape = formats(module.Params, design, next(iter(registry.cases(module, design).values())))
-        raws = dict(zip([registry.flat(path) for path, _ in registry.leaves(shape)], registry.raws(shape, params)))
-        paths = iter([registry.flat(path) for path, _ in registry.leaves(shape)])
-        given["p"] = registry.filled(shape, lambda fmt: _param(net, next(paths), raws, fmt))
-    at_reset = registry.at_reset(module, design)
-    kept = [(registry.flat(path), int(value)) for path, value in registry.leaves(at_reset)]
-    shape = formats(module.State, design, at_reset)
-    fmts = dict(zip([name for name, _ in kept], [fmt for _, fmt in registry.leaves(shape)]))
+        raws = dict(zip([registry.port_name(path) for path, _ in registry.leaves(shape)], registry.raws(shape, params)))
+        paths = iter([registry.port_name(path) for path, _ in registry.leaves(shape)])
+        arguments["p"] = registry.filled(shape, lambda fmt: _param(net, next(paths), raws, fmt))
+    reset_state = registry.reset_registers(module, design)
+    reset_values = [(registry.port_name(path), int(value)) for path, value in registry.leaves(reset_state)]
+    shape = formats(module.State, design, reset_state)
+    fmts = dict(zip([name for name, _ in reset_values], [fmt for _, fmt in registry.leaves(shape)]))
     names = iter(fmts)
-    given["s"] = registry.filled(shape, lambda fmt: net.leaf("reg", next(names), fmt))
+    arguments["s"] = registry.filled(shape, lambda fmt: net.leaf("reg", next(names), fmt))
     ports = iter(registry.inputs(module, design))
     for name, formed in registry.shapes(module, design).items():
-        given[name] = registry.filled(formed, lambda _: net.leaf("in", *next(ports)))
+        arguments[name] = registry.filled(formed, lambda _: net.leaf("in", *next(ports)))
     work = Elaborator(net)
-    after = work.call(module.step, [given[name] for name in registry.arguments(module)], {})
+    after = work.call(module.step, [arguments[name] for name in registry.arguments(module)], {})
     reset = net.leaf("in", "rst", registry.BIT)
-    for (name, value), (_, found) in zip(kept, registry.leaves(after), strict=True):
+    for (name, value), (_, result) in zip(reset_values, registry.leaves(after), strict=True):
         net.reset[name] = value
-        chosen = net.node("mux", (reset, work.as_node(value), work.as_node(found)), name, name)
+        chosen = net.node("mux", (reset, work.as_node(value), work.as_node(result)), name, name)
         net.roots[name] = net.node("next", (chosen,), name, name)
     pins = iter(registry.pins(module, design))
     for name in module.BLOCK.outputs:
-        function = registry.python_of(getattr(module, name))
-        found = work.call(function, [given[k] for k in inspect.signature(function).parameters], {})
-        for _, leaf in registry.leaves(found):
+        function = registry.python_function(getattr(module, name))
+        result = work.call(function, [arguments[k] for k in inspect.signature(function).parameters], {})
+        for _, leaf in registry.leaves(result):
             pin, fmt = next(pins)
             net.fmts[pin] = fmt
             net.roots[pin] = net.node("pin", (work.as_node(leaf),), pin, pin)

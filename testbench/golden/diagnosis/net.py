@@ -25,8 +25,8 @@ def _amount(n):
     return np.clip(n, 0, MOST_SHIFT)
 
 
-def _rounded(rule):
-    def of(x, n):
+def _rounding_function(rule):
+    def round_column(x, n):
         n = _amount(n)
         one = np.int64(1) << n
         half, low, minus = one >> 1, one - 1, x < 0
@@ -42,7 +42,7 @@ def _rounded(rule):
         }[rule]
         return (x + added()) >> n
 
-    return of
+    return round_column
 
 
 def wrapped(x, width, signed):
@@ -53,13 +53,13 @@ def wrapped(x, width, signed):
     return np.where(low > (mask >> 1), low - mask - 1, low) if signed else low
 
 
-def moved(x, places):
+def permute_bits(x, bits):
     """Bit k of the result is bit places[k] of `x`; the result is unsigned."""
-    found = x & ((1 << len(places)) - 1)
-    for k, place in enumerate(places):
-        if place != k:
-            found = found ^ (((x >> place ^ x >> k) & 1) << k)
-    return found
+    result = x & ((1 << len(bits)) - 1)
+    for k, bit in enumerate(bits):
+        if bit != k:
+            result = result ^ (((x >> bit ^ x >> k) & 1) << k)
+    return result
 
 
 ROUNDINGS = ("floor", "ceil", "toward_zero", "half_up", "half_down", "half_even", "half_away", "half_zero")
@@ -93,13 +93,13 @@ OPERATIONS = {
     "clamp": (lambda x, lo, hi: np.where(x < lo, lo, np.where(x > hi, hi, x)), "clamp({0}, {1}, {2})"),
     "wrap": (lambda x, w: wrapped(x, w, True), "wrap({0}, {1})"),
     "wrapu": (lambda x, w: wrapped(x, w, False), "wrapu({0}, {1})"),
-    **{rule: (_rounded(rule), f"{rule}({{0}}, {AMOUNT})") for rule in ROUNDINGS},
+    **{rule: (_rounding_function(rule), f"{rule}({{0}}, {AMOUNT})") for rule in ROUNDINGS},
     "next": (lambda x: x, "{0}"),
     "pin": (lambda x: x, "{0}"),
 }
 
 
-def bits_of(lo, hi):
+def range_width(lo, hi):
     """Least width that holds lo .. hi: signed unless lo is 0 or more."""
     if lo >= 0:
         return max(int(hi).bit_length(), 1)
@@ -131,41 +131,41 @@ class Net:
     """
 
     def __init__(self):
-        self.nodes, self.known, self.roots, self.fmts, self.reset = [], {}, {}, {}, {}
-        self.own, self.users, self.loads, self.siblings = 0, {}, {}, {}
-        self.taken = self.taking = None
-        self.varied = {}
+        self.nodes, self.node_index, self.roots, self.fmts, self.reset = [], {}, {}, {}, {}
+        self.model_size, self.users, self.loads, self.siblings = 0, {}, {}, {}
+        self.load_conditions = self.roots_by_value = None
+        self.node_variants = {}
 
     def node(self, op, args=(), value=None, text=""):
         """The node of an operation, made if there is none yet."""
         key = (op, tuple(a.id for a in args), value)
-        found = self.known.get(key)
-        if found is None:
-            found = Node()
-            found.op, found.args, found.value, found.text = op, tuple(args), value, text
-            found.id = len(self.nodes)
+        node = self.node_index.get(key)
+        if node is None:
+            node = Node()
+            node.op, node.args, node.value, node.text = op, tuple(args), value, text
+            node.id = len(self.nodes)
             # of the model alone: a bit for each hypothesis would cost gigabytes
-            found.cone = 0 if self.own else 1 << found.id
+            node.cone = 0 if self.model_size else 1 << node.id
             for a in args:
-                found.cone |= a.cone
-            found.lo, found.hi = _bounds(self, found)
-            self.nodes.append(found)
-            self.known[key] = found
-        return found
+                node.cone |= a.cone
+            node.lo, node.hi = _bounds(self, node)
+            self.nodes.append(node)
+            self.node_index[key] = node
+        return node
 
     def const(self, value):
         """The node of a number."""
         return self.node("const", (), int(value), str(int(value)))
 
-    def substituted(self, node, swaps):
+    def substitute(self, node, swaps):
         """The node of the model with other nodes in the place of some in it: {id: node}."""
-        done, sites = dict(swaps), sum(1 << k for k in swaps)
-        for n in self.inside(node):
+        new_nodes, sites = dict(swaps), sum(1 << k for k in swaps)
+        for n in self.cone_nodes(node):
             if n.id not in swaps and n.cone & sites:
-                done[n.id] = self.node(n.op, [done.get(a.id, a) for a in n.args], n.value, "")
-        return done.get(node.id, node)
+                new_nodes[n.id] = self.node(n.op, [new_nodes.get(a.id, a) for a in n.args], n.value, "")
+        return new_nodes.get(node.id, node)
 
-    def held(self, load, node, reset=0, rst=None):
+    def enabled_register(self, load, node, reset=0, rst=None):
         """A register that takes a node where `load` is not 0, and `reset` where the block, or `rst`, resets it."""
         rst = rst or self.node("in", (), "rst")
         return self.node("held", (load, node, rst), reset, f"{node!r} late")
@@ -174,47 +174,47 @@ class Net:
         """A flag that changes with each load, 0 behind a reset."""
         return self.node("odd", (load, self.node("in", (), "rst")), None, f"every second {load!r}")
 
-    def reset_late(self, node, before):
+    def delayed_reset(self, node, before):
         """The reset a clock late; what it was `before` the first row."""
-        return self.held(self.const(1), node, before, self.const(0))
+        return self.enabled_register(self.const(1), node, before, self.const(0))
 
-    def late(self, node):
+    def delayed_node(self, node):
         """The node a clock late, in a register that is reset."""
-        return self.held(self.const(1), node, self.reset[node.value] if node.op == "reg" else 0)
+        return self.enabled_register(self.const(1), node, self.reset[node.value] if node.op == "reg" else 0)
 
     def close(self):
         """Count the nodes of the model: what comes after are those of hypotheses."""
-        self.own = len(self.nodes)
+        self.model_size = len(self.nodes)
         for node in self.nodes:
             for k, a in enumerate(node.args):
                 self.users.setdefault(a.id, []).append((node, k))
         for name, root in self.roots.items():
-            ahead = [(root.args[0], 2) if root.op == "next" else (root, 0)]
-            while ahead:
-                node, k = ahead.pop()
+            pending = [(root.args[0], 2) if root.op == "next" else (root, 0)]
+            while pending:
+                node, k = pending.pop()
                 child = node.args[k]
                 if child.op == "mux":
-                    ahead += [(child, 1), (child, 2)]
+                    pending += [(child, 1), (child, 2)]
                 if child.value != name or child.op != "reg":
                     self.loads.setdefault((node.id, k), name)
 
         self._pair_channels()
 
     def _pair_channels(self):
-        families, done = {}, set()
+        families, visited_pairs = {}, set()
         for name in self.roots:
             if CHANNEL.search(name):
                 families.setdefault(CHANNEL.sub("", name), []).append(self.roots[name])
-        ahead = [pair for roots in families.values() for pair in itertools.permutations(roots, 2)]
-        while ahead:
-            a, b = pair = ahead.pop()
-            if a is b or pair in done or a.op != b.op or len(a.args) != len(b.args):
+        pending_pairs = [pair for roots in families.values() for pair in itertools.permutations(roots, 2)]
+        while pending_pairs:
+            a, b = pair = pending_pairs.pop()
+            if a is b or pair in visited_pairs or a.op != b.op or len(a.args) != len(b.args):
                 continue
-            done.add(pair)
+            visited_pairs.add(pair)
             for k, (x, y) in enumerate(zip(a.args, b.args)):
                 if x is not y:
                     self.siblings.setdefault((a.id, k), {})[y.id] = y
-                    ahead.append((x, y))
+                    pending_pairs.append((x, y))
 
     def leaf(self, op, name, fmt):
         """The node of a register or an input."""
@@ -223,34 +223,34 @@ class Net:
 
     def counts(self, register):
         """Whether the next value of a register is itself plus or minus a constant somewhere."""
-        inside = self.inside(self.roots[register.value])
-        return any(n.op in ("add", "sub") and n.args[0] is register and n.args[1].op == "const" for n in inside)
+        nodes = self.cone_nodes(self.roots[register.value])
+        return any(n.op in ("add", "sub") and n.args[0] is register and n.args[1].op == "const" for n in nodes)
 
-    def fmt_of(self, leaf):
+    def leaf_format(self, leaf):
         """Format of a register or an input."""
         return self.fmts[leaf.value if leaf.op == "reg" else f"in {leaf.value}"]
 
-    def width_of(self, node):
+    def node_width(self, node):
         """Bits of a node: those of the format of a leaf, else what its range needs."""
         if node.op in ("reg", "in"):
-            return self.fmt_of(node).width
+            return self.leaf_format(node).width
         if node.op == "param":
             return self.fmts[f"parameter {node.value[0]}"].width
-        return bits_of(node.lo, node.hi)
+        return range_width(node.lo, node.hi)
 
-    def inside(self, node):
+    def cone_nodes(self, node):
         """Nodes of the model that a node is made of, itself included, arguments first."""
-        found, cone = [], node.cone
+        nodes, cone = [], node.cone
         while cone:
             low = cone & -cone
-            found.append(self.nodes[low.bit_length() - 1])
+            nodes.append(self.nodes[low.bit_length() - 1])
             cone ^= low
-        return found
+        return nodes
 
 
-def _corners(of, a, b):
-    found = [of(x, y) for x in (a.lo, a.hi) for y in (b.lo, b.hi)]
-    return min(found), max(found)
+def _corners(operation, a, b):
+    values = [operation(x, y) for x in (a.lo, a.hi) for y in (b.lo, b.hi)]
+    return min(values), max(values)
 
 
 def _bits_range(a, b):
@@ -260,10 +260,10 @@ def _bits_range(a, b):
     return low, (1 << width) - 1
 
 
-def _shifted(a, n, left):
+def _shift_range(a, n, is_shl):
     amounts = [min(max(k, 0), MOST_SHIFT) for k in (n.lo, n.hi)]
-    found = [(v << k) if left else (v >> k) for v in (a.lo, a.hi) for k in amounts]
-    return min(found), max(found)
+    values = [(v << k) if is_shl else (v >> k) for v in (a.lo, a.hi) for k in amounts]
+    return min(values), max(values)
 
 
 def _bounds(net, n):
@@ -274,13 +274,13 @@ def _bounds(net, n):
     if op == "param":
         return n.value[1], n.value[1]
     if op in ("reg", "in"):
-        fmt = net.fmt_of(n)
+        fmt = net.leaf_format(n)
         return fmt.lo, fmt.hi
     if op in (*COMPARED, "not"):
         return 0, 1
     if op in ("add", "sub", "mul"):
-        of = {"add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y}[op]
-        return _corners(of, *a)
+        operation = {"add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y}[op]
+        return _corners(operation, *a)
     if op == "neg":
         return -a[0].hi, -a[0].lo
     if op == "inv":
@@ -293,9 +293,9 @@ def _bounds(net, n):
     if op in ("or", "xor"):
         return _bits_range(*a)
     if op in ("shl", "shr"):
-        return _shifted(*a, op == "shl")
+        return _shift_range(*a, op == "shl")
     if op in ROUNDINGS:
-        low, high = _shifted(*a, False)
+        low, high = _shift_range(*a, False)
         return low - 1, high + 1
     if op == "clamp":
         return min(a[1].lo, a[2].lo), max(a[1].hi, a[2].hi)

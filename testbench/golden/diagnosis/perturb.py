@@ -64,18 +64,18 @@ def with_argument(net, node, k, new):
 
 
 MOST_INSIDE = 40  # nodes of what is loaded, beyond which a leaf is only varied use by use
-SOURCES = (perturb_arithmetic.of_operand, perturb_control.of_operand, perturb_bits.of_operand)
+SOURCES = (perturb_arithmetic.arithmetic_operands, perturb_control.control_operands, perturb_bits.bit_operands)
 
 
-IN_A_TEST = 2  # what another bit in a condition does goes by that name: docs/diagnosis.md
+TEST_BIT_COST = 2  # what another bit in a condition does goes by that name: docs/diagnosis.md
 NO_TEST = ("condition", "comparison", "priority", "late", "early", "signedness")
 
 
 FAR = 12  # cost from which a hypothesis is no cause by itself: it only makes a name uncertain
-OF_PARAMETERS = 2  # a comparison of parameters alone is right or wrong in every row
+PARAMETER_COST = 2  # a comparison of parameters alone is right or wrong in every row
 
 
-def _of_parameters(node):
+def _compares_parameters(node):
     """Whether a node is a comparison of parameters alone, or a choice by one."""
     chosen = node.args[0] if node.op == "mux" else node
     return chosen.op in (*COMPARED, "not", "land", "lor") and static(chosen) is not None
@@ -91,100 +91,102 @@ def _reads_a_bit(net, node):
     return node.op in COMPARED and node.args[0].op in ("reg", "in")
 
 
-def _operations(net, node, seen):
-    yield from perturb_arithmetic.of_operation(net, node, seen)
-    yield from perturb_control.of_operation(net, node)
-    yield from perturb_bits.of_operation(net, node)
+def _operations(net, node, value_range):
+    yield from perturb_arithmetic.arithmetic_operations(net, node, value_range)
+    yield from perturb_control.control_operations(net, node)
+    yield from perturb_bits.bit_operations(net, node)
 
 
-def _varied(net, node, seen):
+def _variants(net, node, value_range):
     """(cause, what, node, extra cost) in the place of `node`."""
-    yield from _operations(net, node, seen)
+    yield from _operations(net, node, value_range)
     for k, child in enumerate(node.args if node.op != "next" else ()):
         if len(net.users[child.id]) > 1 and child.args:
-            for cause, what, new, cost in _operations(net, child, seen):
+            for cause, what, new, cost in _operations(net, child, value_range):
                 yield cause, what, with_argument(net, node, k, new), cost
         for source in SOURCES:
-            for cause, what, new, cost in source(net, node, k, child, seen):
+            for cause, what, new, cost in source(net, node, k, child, value_range):
                 yield cause, what, with_argument(net, node, k, new), cost
-        if perturb_loads.holds(net, node, k):
-            for cause, what, new, cost in perturb_loads.of_hold(net, child):
+        if perturb_loads.keeps_register(net, node, k):
+            for cause, what, new, cost in perturb_loads.hold_variants(net, child):
                 yield cause, what, with_argument(net, node, k, new), cost
-        for cause, what, new, cost in perturb_control.of_another_channel(net, node, k, child):
+        for cause, what, new, cost in perturb_control.channel_variants(net, node, k, child):
             yield cause, what, with_argument(net, node, k, new), cost
         if (node.id, k) in net.loads:
-            for cause, what, new, cost in perturb_control.of_load(net, node, child, net.loads[node.id, k]):
+            for cause, what, new, cost in perturb_control.load_alternatives(net, node, child, net.loads[node.id, k]):
                 yield cause, what, with_argument(net, node, k, new), cost
-            for cause, what, new, cost in perturb_loads.of_load(net, node, k, child, net.taken.get((node.id, k), ())):
+            for cause, what, new, cost in perturb_loads.load_variants(
+                net, node, k, child, net.load_conditions.get((node.id, k), ())
+            ):
                 yield cause, what, with_argument(net, node, k, new), cost
-            for cause, what, new, cost in _everywhere(net, child, seen):
+            for cause, what, new, cost in _leaf_variants(net, child, value_range):
                 yield cause, what, with_argument(net, node, k, new), cost + 1
-    for root in net.taking.get(node.id, ()):
-        yield from perturb_loads.of_root(net, root)
-        yield from _of_repeated(net, root, node, seen)
-        yield from _of_twins(net, root, node, seen)
+    for root in net.roots_by_value.get(node.id, ()):
+        yield from perturb_loads.leaf_exchanges(net, root)
+        yield from _repeated_load_variants(net, root, node, value_range)
+        yield from _twin_variants(net, root, node, value_range)
     users = net.users.get(node.id, ())
     if len(users) > 1:
         for source in SOURCES:
-            for cause, what, new, cost in source(net, *users[0], node, seen):
+            for cause, what, new, cost in source(net, *users[0], node, value_range):
                 yield cause, what, new, cost + 1
 
 
-def _of_repeated(net, root, node, seen):
+def _repeated_load_variants(net, root, node, value_range):
     """What several branches of a register load, varied in all of them."""
-    for loaded, choice, k in perturb_loads.repeated(net, root):
-        ways = [source(net, choice, k, loaded, seen) for source in SOURCES]
-        ways.append(_operations(net, loaded, seen) if loaded.args else ())
+    for loaded, choice, k in perturb_loads.repeated_loads(net, root):
+        ways = [source(net, choice, k, loaded, value_range) for source in SOURCES]
+        ways.append(_operations(net, loaded, value_range) if loaded.args else ())
         for cause, what, new, cost in itertools.chain(*ways):
             by = perturb_loads.in_all_branches(net, node, loaded, new)
             yield cause, f"{what} in all branches", by, cost
 
 
-def _of_twins(net, root, node, seen):
+def _twin_variants(net, root, node, value_range):
     """The same mistake in each place of an expression that the model calls several times."""
-    for same in perturb_loads.twins(net, root):
-        found = []
-        for twin in same:
-            if twin.id not in net.varied:
-                net.varied[twin.id] = list(_once(net, twin, seen))
-            found.append(net.varied[twin.id])
-        for ways in zip(*found, strict=False):
+    for twin_nodes in perturb_loads.twins(net, root):
+        variants = []
+        for twin in twin_nodes:
+            if twin.id not in net.node_variants:
+                net.node_variants[twin.id] = list(_node_variants(net, twin, value_range))
+            variants.append(net.node_variants[twin.id])
+        for ways in zip(*variants, strict=False):
             if len({way[0] for way in ways}) == 1:
-                swaps = {twin.id: way[2] for twin, way in zip(same, ways)}
-                yield ways[0][0], f"{ways[0][1]} in all calls", net.substituted(node, swaps), ways[0][3]
+                swaps = {twin.id: way[2] for twin, way in zip(twin_nodes, ways)}
+                yield ways[0][0], f"{ways[0][1]} in all calls", net.substitute(node, swaps), ways[0][3]
 
 
-def _once(net, node, seen):
+def _node_variants(net, node, value_range):
     """What `_of_twins` tries at a node: another operation, or another value of an operand."""
-    yield from _operations(net, node, seen)
+    yield from _operations(net, node, value_range)
     for k, child in enumerate(node.args):
-        for cause, what, new, cost in perturb_arithmetic.of_operand(net, node, k, child, seen):
+        for cause, what, new, cost in perturb_arithmetic.arithmetic_operands(net, node, k, child, value_range):
             yield cause, what, with_argument(net, node, k, new), cost
 
 
-def _everywhere(net, loaded, seen):
+def _leaf_variants(net, loaded, value_range):
     """A register or input varied wherever what is loaded uses it: more than once, or in what others use as well."""
-    inside = net.inside(loaded)
+    inside = net.cone_nodes(loaded)
     for leaf in inside if len(inside) <= MOST_INSIDE else ():
         uses = [(n, n.args.index(leaf)) for n in inside if leaf in n.args]
         shared = len(uses) > 1 or any(len(net.users.get(n.id, ())) > 1 for n, _ in uses)
         if leaf.op in ("reg", "in") and shared:
             for source in SOURCES:
-                for cause, what, new, cost in source(net, *uses[0], leaf, seen):
-                    yield cause, f"{what} wherever it is used", net.substituted(loaded, {leaf.id: new}), cost
+                for cause, what, new, cost in source(net, *uses[0], leaf, value_range):
+                    yield cause, f"{what} wherever it is used", net.substitute(loaded, {leaf.id: new}), cost
 
 
-def of_node(net, node, seen):
+def node_hypotheses(net, node, value_range):
     """Hypotheses at one node, without doubles: two causes may stand for the same node."""
     perturb_loads.prepare(net)
-    found, reads_a_bit = {}, _reads_a_bit(net, node)
-    of_parameters = OF_PARAMETERS if _of_parameters(node) else 0
-    for cause, what, by, cost in _varied(net, node, seen):
+    cheapest, reads_a_bit = {}, _reads_a_bit(net, node)
+    parameter_cost = PARAMETER_COST if _compares_parameters(node) else 0
+    for cause, what, by, cost in _variants(net, node, value_range):
         if by is node:
             continue
-        rare = of_parameters + (IN_A_TEST if cause not in NO_TEST and reads_a_bit else 0)
+        rare = parameter_cost + (TEST_BIT_COST if cause not in NO_TEST and reads_a_bit else 0)
         hypothesis = Hypothesis(cause, what, node, by, 4 * (cost + rare) + RANK[cause] // 8)
         key = cause, by.id
-        if key not in found or hypothesis.cost < found[key].cost:
-            found[key] = hypothesis
-    return list(found.values())
+        if key not in cheapest or hypothesis.cost < cheapest[key].cost:
+            cheapest[key] = hypothesis
+    return list(cheapest.values())

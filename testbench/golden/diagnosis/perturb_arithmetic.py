@@ -6,14 +6,14 @@ Source  docs/diagnosis.md
 
 from fpga_model.rounding_aliases import ALIASES
 from testbench.golden.diagnosis.elaborate import static
-from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, bits_of
+from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, range_width
 
 NARROWED = ("add", "sub", "mul", "shl", "neg", "abs", "mux", "clamp", *ROUNDINGS)
 CUT = ("add", "sub", "mul", "neg", "abs", "shl", *ROUNDINGS, *COMPARED)  # operations whose operands may be too narrow
 ORDERED = ("lt", "le", "gt", "ge")
 
 
-def _known_as(rule):
+def _rule_label(rule):
     """A rounding rule with its names in other tools."""
     names = sorted(alias for alias, neutral in ALIASES.items() if neutral == rule)
     return f"{rule} ({', '.join(names)})" if names else rule
@@ -29,7 +29,7 @@ def number(node):
     return not is_flag(node) and node.op not in ("const", "param")
 
 
-def of_operation(net, node, seen):
+def arithmetic_operations(net, node, value_range):
     """Another operation on the same operands."""
     op, a = node.op, node.args
     if op == "add":
@@ -48,7 +48,7 @@ def of_operation(net, node, seen):
             for rule in ROUNDINGS:
                 yield (
                     "rounding",
-                    f"{_known_as(rule)} of the signed value",
+                    f"{_rule_label(rule)} of the signed value",
                     net.node(rule, (net.node("neg", (x,)), n)),
                     0,
                 )
@@ -58,7 +58,7 @@ def of_operation(net, node, seen):
     if op == "abs":
         yield "sign", f"{a[0]!r}", a[0], 0
         yield "sign", f"-{node!r}", net.node("neg", (node,)), 0
-        yield "complement", f"~{a[0]!r}", net.node("mux", (_below(net, a[0]), net.node("inv", a), a[0])), 0
+        yield "complement", f"~{a[0]!r}", net.node("mux", (_negative_flag(net, a[0]), net.node("inv", a), a[0])), 0
     if op in ROUNDINGS or op == "shr":
         yield from _rounding(net, node)
     if op in ("shl", "shr", *ROUNDINGS):
@@ -68,14 +68,14 @@ def of_operation(net, node, seen):
     if op in ORDERED and min(a[0].lo, a[1].lo) < 0:
         yield "signedness", f"{node!r} of unsigned values", net.node(op, _unsigned(net, a)), 0
     if op == "clamp":
-        yield from _limits(net, node, seen)
+        yield from _limits(net, node, value_range)
         if min(x.lo for x in a) < 0:
             x, lo, hi = _unsigned(net, a)
-            below, above = net.node("lt", (x, lo)), net.node("gt", (x, hi))
-            inner = net.node("mux", (above, a[2], a[0]))
-            yield "signedness", "compared as unsigned", net.node("mux", (below, a[1], inner)), 0
+            is_less, is_greater = net.node("lt", (x, lo)), net.node("gt", (x, hi))
+            inner = net.node("mux", (is_greater, a[2], a[0]))
+            yield "signedness", "compared as unsigned", net.node("mux", (is_less, a[1], inner)), 0
             signed = net.node("mux", (net.node("gt", (a[0], a[2])), a[2], a[0]))
-            yield "signedness", "lo compared as unsigned", net.node("mux", (below, a[1], signed)), 0
+            yield "signedness", "lo compared as unsigned", net.node("mux", (is_less, a[1], signed)), 0
             signed = net.node("lt", a[:2])
             yield "signedness", "hi compared as unsigned", net.node("mux", (signed, a[1], inner)), 0
         yield from _saturating_count(net, node)
@@ -100,12 +100,12 @@ def of_operation(net, node, seen):
 def _as_signed(net, total, width, signed):
     """A sum modulo 2**width that saturates as one of signed values."""
     if total.op in ("add", "sub") and width <= 61:
-        places = net.const(width)
-        parts = [net.node("wrap", (part, places)) for part in total.args]
+        width_node = net.const(width)
+        parts = [net.node("wrap", (part, width_node)) for part in total.args]
         half = 1 << (width - 1)
         limits = net.const(-half), net.const(half - 1)
-        found = net.node("clamp", (net.node(total.op, parts), *limits))
-        by = found if signed else net.node("wrapu", (found, places))
+        clamped = net.node("clamp", (net.node(total.op, parts), *limits))
+        by = clamped if signed else net.node("wrapu", (clamped, width_node))
         yield "saturate", f"at {-half} and {half - 1}, as signed", by, 0
 
 
@@ -140,11 +140,11 @@ def _saturating_count(net, node):
 
 def _unsigned(net, nodes):
     """Nodes as unsigned values of one width, as Verilog compares them if one of them is unsigned."""
-    width = min(max(net.width_of(n) + (n.lo >= 0) for n in nodes), 62)
+    width = min(max(net.node_width(n) + (n.lo >= 0) for n in nodes), 62)
     return tuple(net.node("wrapu", (n, net.const(width))) for n in nodes)
 
 
-def _below(net, x):
+def _negative_flag(net, x):
     return net.node("lt", (x, net.const(0)))
 
 
@@ -155,24 +155,24 @@ def _rounding(net, node):
         return
     if x.lo < 0:
         added = net.node("shr", (net.node("shl", (net.const(1), n)), net.const(1)))
-        whole = net.node("add", (x, added)) if node.op == "half_up" else x
-        for width in (net.width_of(x), net.width_of(x) + 1):
+        total = net.node("add", (x, added)) if node.op == "half_up" else x
+        for width in (net.node_width(x), net.node_width(x) + 1):
             if width <= 62 and node.op in ("half_up", "shr", "floor"):
-                logical = net.node("shr", (net.node("wrapu", (whole, net.const(width))), n))
+                logical = net.node("shr", (net.node("wrapu", (total, net.const(width))), n))
                 yield "signedness", f"logical shift of {width} bits", logical, 1
-    own = "floor" if node.op == "shr" else node.op
+    model_rule = "floor" if node.op == "shr" else node.op
     if node.op == "shr" and (is_flag(node) or x.op in ("const", "param", "table")):
         return
     for rule in ROUNDINGS:
-        if rule != own:
-            yield "rounding", _known_as(rule), net.node(rule, (x, n)), 2 if node.op == "shr" else 0
+        if rule != model_rule:
+            yield "rounding", _rule_label(rule), net.node(rule, (x, n)), 2 if node.op == "shr" else 0
         elif rule != "floor":
             one = net.const(1)
             before = net.node(rule, (x, net.node("sub", (n, one))))
-            yield "rounding", f"{_known_as(rule)}, to one bit more before", net.node(rule, (before, one)), 0
+            yield "rounding", f"{_rule_label(rule)}, to one bit more before", net.node(rule, (before, one)), 0
 
 
-def _limits(net, node, seen):
+def _limits(net, node, value_range):
     x, lo, hi = node.args
     one = net.const(1)
     for k, (limit, name) in enumerate(((lo, "lo"), (hi, "hi"))):
@@ -181,16 +181,21 @@ def _limits(net, node, seen):
             steps.append((1 << static(limit.args[1]), "LSB of the result"))
         for size, unit in steps:
             for sign, op in (("+", "add"), ("-", "sub")):
-                moved = net.node(op, (limit, net.const(size)))
-                bounds = (moved, hi) if k == 0 else (lo, moved)
+                new_limit = net.node(op, (limit, net.const(size)))
+                bounds = (new_limit, hi) if k == 0 else (lo, new_limit)
                 yield "limit", f"{name} {sign}1 {unit}", net.node("clamp", (x, *bounds)), 0
-                beyond = net.node("gt" if k else "lt", (x, limit))
-                yield "limit", f"{name} {sign}1 {unit}, only as a value", net.node("mux", (beyond, moved, node)), 1
-        beyond = net.node("gt" if k else "lt", (x, limit))
-        yield "limit", f"beyond {name} to the other one", net.node("mux", (beyond, hi if k == 0 else lo, node)), 1
-        yield "limit", f"no {name}", net.node("mux", (beyond, x, node)), 1
-    lowest, highest = seen(node)
-    widths = {bits_of(lowest, highest), bits_of(lo.lo, hi.hi), bits_of(lo.lo, hi.hi) + 1}
+                is_outside = net.node("gt" if k else "lt", (x, limit))
+                yield (
+                    "limit",
+                    f"{name} {sign}1 {unit}, only as a value",
+                    net.node("mux", (is_outside, new_limit, node)),
+                    1,
+                )
+        is_outside = net.node("gt" if k else "lt", (x, limit))
+        yield "limit", f"beyond {name} to the other one", net.node("mux", (is_outside, hi if k == 0 else lo, node)), 1
+        yield "limit", f"no {name}", net.node("mux", (is_outside, x, node)), 1
+    lowest, highest = value_range(node)
+    widths = {range_width(lowest, highest), range_width(lo.lo, hi.hi), range_width(lo.lo, hi.hi) + 1}
     yield "wrap", "without a limit", x, 0
     for width in sorted(widths):
         for op in ("wrap",) if lo.lo < 0 else ("wrapu", "wrap"):
@@ -202,20 +207,20 @@ def _limits(net, node, seen):
 
 def _counter(net, node):
     """Whether a node is a register that counts, or made of one."""
-    return any(n.op == "reg" and net.counts(n) for n in net.inside(node))
+    return any(n.op == "reg" and net.counts(n) for n in net.cone_nodes(node))
 
 
-def _stepped(node):
+def _off_by_one_cause(node):
     """Cause of a constant that is off by one as an operand of a node."""
     return {"clamp": "limit"}.get(node.op, "comparison" if node.op in COMPARED else "constant")
 
 
-def of_operand(net, node, k, child, seen):
+def arithmetic_operands(net, node, k, child, value_range):
     """Another value as operand k."""
     in_condition = node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
     chosen_flag = node.op == "mux" and node.value is None and is_flag(node)
     if child.op in ("const", "param") and not (node.op == "mux" and k == 0) and not chosen_flag:
-        cause = "reset" if node.op == "mux" and node.value is not None and k == 1 else _stepped(node)
+        cause = "reset" if node.op == "mux" and node.value is not None and k == 1 else _off_by_one_cause(node)
         if node.op not in ("shl", "shr", "wrap", "wrapu", *ROUNDINGS) and cause != "limit":
             for step in (1, -1):
                 if (
@@ -227,7 +232,7 @@ def of_operand(net, node, k, child, seen):
                 code = cause == "comparison" and node.op in ("eq", "ne") and not _counter(net, node.args[0])
                 yield cause, f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1 if code else 0
             if child.op == "const" and 0 <= child.value < 1 << 24 and node.op != "and":
-                compared = net.width_of(node.args[0]) if node.op in ("eq", "ne") else 0
+                compared = net.node_width(node.args[0]) if node.op in ("eq", "ne") else 0
                 for bit in range(max(child.value.bit_length(), min(compared, 24))):
                     yield cause, f"{child!r} with bit {bit} inverted", net.const(child.value ^ 1 << bit), 2
     if node.op in COMPARED and k == 0:
@@ -238,7 +243,7 @@ def of_operand(net, node, k, child, seen):
         yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), rare
         if net.fmts[f"parameter {child.value[0]}"].s:
             yield "sign", f"-{child!r}", net.node("neg", (child,)), 0
-    yield from _extended(net, child)
+    yield from _sign_reinterpretation(net, child)
     if is_flag(child) and node.op in ("add", "sub"):
         yield "constant", f"{child!r} counts twice", net.node("shl", (child, net.const(1))), 0
     if is_flag(child) and not in_condition and node.op not in COMPARED:
@@ -258,26 +263,26 @@ def of_operand(net, node, k, child, seen):
             yield "constant", f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1
         yield "complement", f"~({child!r})", net.node("inv", (child,)), 2
     if child.op in NARROWED or (child.op in ("reg", "in", "param") and node.op in CUT):
-        yield from _narrowed(net, child, seen)
+        yield from _narrowed(net, child, value_range)
     elif (node.id, k) in net.loads and net.fmts[net.loads[node.id, k]].width > 2:
-        yield from _without_top(net, child, net.fmts[net.loads[node.id, k]])
-    if any(user.op == "sub" and place == 1 for user, place in net.users.get(child.id, ())):
+        yield from _narrower_loads(net, child, net.fmts[net.loads[node.id, k]])
+    if any(user.op == "sub" and argument == 1 for user, argument in net.users.get(child.id, ())):
         minus = net.node("add", (child, net.const(1)))
         yield "complement", f"~{child!r} for its opposite, also where it is compared", minus, 1
 
 
-def _extended(net, child):
+def _sign_reinterpretation(net, child):
     """A signed value read as unsigned, or the reverse, in its own width."""
     if child.op in ("const", *COMPARED) or is_flag(child):
         return
-    width = net.width_of(child)
+    width = net.node_width(child)
     signed = child.lo < 0 or (child.op == "param" and net.fmts[f"parameter {child.value[0]}"].s)
     if width <= 62:
         op = "wrapu" if signed else "wrap"
         yield "signedness", f"{child!r}", net.node(op, (child, net.const(width))), 0 if not child.args else 2
 
 
-def _without_top(net, child, fmt):
+def _narrower_loads(net, child, fmt):
     for lost in (1, 2, 3):
         width = fmt.width - lost
         if width > 1:
@@ -285,11 +290,11 @@ def _without_top(net, child, fmt):
             yield "width", f"{child!r} in {width} bits", by, lost - 1
 
 
-def _narrowed_before(net, child, seen):
+def _narrowed_before(net, child, value_range):
     """A rounded value whose sum with the rounding constant has too few bits."""
     x, n = child.args
     half = net.node("shr", (net.node("shl", (net.const(1), n)), net.const(1)))
-    total, need = net.node("add", (x, half)), bits_of(*seen(x))
+    total, need = net.node("add", (x, half)), range_width(*value_range(x))
     for width in sorted({*range(max(need - 3, 2), need), *(w for w in WORDS if w < need)}):
         cut = net.node("wrap" if x.lo < 0 else "wrapu", (total, net.const(width)))
         yield "width", f"{x!r} and its rounding constant in {width} bits", net.node("shr", (cut, n)), 1
@@ -299,21 +304,26 @@ WORDS = (8, 12, 16, 24, 32, 48)  # widths of words elsewhere
 MOST_LOW = 4  # bits that an operand may lack below
 
 
-def _narrowed(net, child, seen):
+def _narrowed(net, child, value_range):
     """Fewer bits than the values need: some on top, those beyond a usual word, or some below."""
-    lowest, highest = seen(child)
-    need, signed = bits_of(lowest, highest), lowest < 0
+    lowest, highest = value_range(child)
+    need, signed = range_width(lowest, highest), lowest < 0
     if child.op == "half_up":
-        yield from _narrowed_before(net, child, seen)
+        yield from _narrowed_before(net, child, value_range)
     rare = child.op == "mux"
     for width in sorted({*range(max(need - 4, 2), need), *(w for w in WORDS if w < need)}, reverse=True):
-        near = width in WORDS or need - width < 2
+        is_likely = width in WORDS or need - width < 2
         for op in ("wrap", "wrapu"):
             other = (op == "wrap") != signed
-            cost = (0 if near else need - 1 - width if need - width < 4 else 3) + rare + other
-            said = f"{'un' if op == 'wrapu' else ''}signed" if other else ""
-            yield "width", f"{child!r} in {width} bits {said}".rstrip(), net.node(op, (child, net.const(width))), cost
+            cost = (0 if is_likely else need - 1 - width if need - width < 4 else 3) + rare + other
+            sign_text = f"{'un' if op == 'wrapu' else ''}signed" if other else ""
+            yield (
+                "width",
+                f"{child!r} in {width} bits {sign_text}".rstrip(),
+                net.node(op, (child, net.const(width))),
+                cost,
+            )
     for low in range(1, MOST_LOW + 1):
-        at = net.const(low)
-        cut = net.node("shl", (net.node("shr", (child, at)), at))
+        shift = net.const(low)
+        cut = net.node("shl", (net.node("shr", (child, shift)), shift))
         yield "width", f"{child!r} without {low} low bits", cut, 2 if low < 3 else 3

@@ -13,15 +13,15 @@ def _one(node):
     return node.op == "const" and node.value == 1
 
 
-def of_operation(net, node):
+def bit_operations(net, node):
     """A shift register that runs the other way."""
     op, a = node.op, node.args
     if op == "shl" and a[0].op == "reg" and _one(a[1]):
         yield "bit_order", "shifts right", net.node("shr", a), 0
     if op == "and" and a[0].op == "shl" and a[0].args[0].op == "reg" and _one(a[0].args[1]):
         yield "bit_order", "shifts right", net.node("shr", a[0].args), 0
-    if op == "or" and net.width_of(node) <= 16 and any(n.op != "or" for n, _ in net.users.get(node.id, ())):
-        for bit in range(net.width_of(node)):
+    if op == "or" and net.node_width(node) <= 16 and any(n.op != "or" for n, _ in net.users.get(node.id, ())):
+        for bit in range(net.node_width(node)):
             yield "stuck", f"bit {bit} of {node!r} at 0", net.node("and", (node, net.const(~(1 << bit)))), 0
             yield "stuck", f"bit {bit} of {node!r} at 1", net.node("or", (node, net.const(1 << bit))), 0
     if op in ("or", "add"):
@@ -29,7 +29,7 @@ def of_operation(net, node):
             shifted = turn.args[0] if turn.op == "and" else turn
             if shifted.op == "shl" and shifted.args[0].op == "reg" and _one(shifted.args[1]):
                 register = shifted.args[0]
-                top = net.const(1 << (net.width_of(register) - 1))
+                top = net.const(1 << (net.node_width(register) - 1))
                 last = net.node("mux", (serial, top, net.const(0)))
                 yield (
                     "bit_order",
@@ -38,54 +38,59 @@ def of_operation(net, node):
                     0,
                 )
     if op == "and" and _one(a[1]) and a[0].op == "shr":
-        word, place = a[0].args
+        word, position = a[0].args
         if word.op == "reg":
             yield "bit_order", "sends the LSB", net.node("and", (word, a[1])), 0
-        yield from _other_bits(net, word, static(place), a[1])
+        yield from _other_bits(net, word, static(position), a[1])
 
 
-def _other_bits(net, word, place, one):
+def _other_bits(net, word, position, one):
     """Another bit of the word of which one is read; a place whose sign is wrong ends modulo the size of an index."""
-    width = net.width_of(word)
-    for bit in range(min(width, 62)) if place is not None else ():
+    width = net.node_width(word)
+    for bit in range(min(width, 62)) if position is not None else ():
         by = net.node("and", (net.node("shr", (word, net.const(bit))), one))
-        if bit != place:
-            yield "operand", f"bit {bit} of {word!r} for bit {place}", by, 2
-        if place and bit == -place % (1 << (width - 1).bit_length()):
-            yield "sign", f"bit {-place} of {word!r}", by, 0
+        if bit != position:
+            yield "operand", f"bit {bit} of {word!r} for bit {position}", by, 2
+        if position and bit == -position % (1 << (width - 1).bit_length()):
+            yield "sign", f"bit {-position} of {word!r}", by, 0
 
 
-def _moved(net, child, places):
+def _permute_operand(net, child, bits):
     """The child with its bits moved, signed as it is."""
-    found = net.node("moved", (child,), tuple(places))
-    return net.node("wrap", (found, net.const(len(places)))) if child.lo < 0 else found
+    permuted = net.node("moved", (child,), tuple(bits))
+    return net.node("wrap", (permuted, net.const(len(bits)))) if child.lo < 0 else permuted
 
 
-def of_operand(net, node, k, child, seen):
+def bit_operands(net, node, k, child, value_range):
     """Operand k with its bits in another order, or one of them stuck."""
     name = net.loads.get((node.id, k))
     leaf, root = child.op in ("reg", "in"), name is not None
-    width = net.fmts[name].width if root else net.width_of(child)
+    width = net.fmts[name].width if root else net.node_width(child)
     if not (leaf or root) or width < 2 or width > 62:
         return
-    sizes = {width, *(n.value[1] for n in net.nodes[: net.own] if n.op == "param" and 2 <= n.value[1] < width)}
+    sizes = {width, *(n.value[1] for n in net.nodes[: net.model_size] if n.op == "param" and 2 <= n.value[1] < width)}
     for size in sorted(sizes) if leaf and not (node.op == "mux" and k == 0) else ():
         yield (
             "bit_order",
             f"{child!r} reversed",
-            _moved(net, child, range(size - 1, -1, -1)),
+            _permute_operand(net, child, range(size - 1, -1, -1)),
             (size < width) + 2 * (width < 8),
         )
     if root and not leaf:
-        yield "bit_order", f"{child!r} reversed", _moved(net, child, range(width - 1, -1, -1)), 2 * (width < 8)
-    for places, what in _exchanges(width):
-        yield "bit_swap", f"{what} of {child!r}", _moved(net, child, places), 1 if root or width > 4 else 3
+        yield (
+            "bit_order",
+            f"{child!r} reversed",
+            _permute_operand(net, child, range(width - 1, -1, -1)),
+            2 * (width < 8),
+        )
+    for bits, what in _exchanges(width):
+        yield "bit_swap", f"{what} of {child!r}", _permute_operand(net, child, bits), 1 if root or width > 4 else 3
     for bit in range(width) if root else ():
         for other in (bit - 1, bit + 1):
             if 0 <= other < width:
-                places = list(range(width))
-                places[bit] = other
-                yield "operand", f"bit {other} of {child!r} for its bit {bit}", _moved(net, child, places), 2
+                bits = list(range(width))
+                bits[bit] = other
+                yield "operand", f"bit {other} of {child!r} for its bit {bit}", _permute_operand(net, child, bits), 2
     if root:
         for bit in range(width):
             yield "stuck", f"bit {bit} at 0", net.node("and", (child, net.const(~(1 << bit)))), 1
@@ -98,9 +103,9 @@ def _exchanges(width):
     for a in straight:
         for b in range(a + 1, width) if width <= MOST_PAIRS else (a + 1,):
             if b < width:
-                places = straight.copy()
-                places[a], places[b] = b, a
-                yield places, f"bits {a} and {b}"
+                bits = straight.copy()
+                bits[a], bits[b] = b, a
+                yield bits, f"bits {a} and {b}"
     if width % 2 == 0 and width > 2:
         half = width // 2
         yield straight[half:] + straight[:half], "halves"

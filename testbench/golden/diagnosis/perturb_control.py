@@ -8,7 +8,7 @@ from testbench.golden.diagnosis.net import COMPARED, ROOTS, ROUNDINGS
 from testbench.golden.diagnosis.perturb_arithmetic import is_flag
 
 OPPOSITE = {"lt": "ge", "ge": "lt", "le": "gt", "gt": "le", "eq": "ne", "ne": "eq"}
-NEAR = {
+NEIGHBOURS = {
     "lt": ("le", "ne"),
     "le": ("lt", "eq"),
     "gt": ("ge", "ne"),
@@ -30,44 +30,44 @@ def is_reset_choice(node):
     return node.op == "mux" and node.value is not None
 
 
-def flags_of(net):
+def condition_flags(net):
     """Conditions that could stand in the place of another one: flags among the leaves, and comparisons."""
-    found = [n for n in net.nodes[: net.own] if n.op in ("reg", "in") and is_flag(n) and not _is_reset(n)]
-    found += [n for n in net.nodes[: net.own] if n.op in COMPARED and len(found) < MOST_FLAGS]
-    return found
+    flags = [n for n in net.nodes[: net.model_size] if n.op in ("reg", "in") and is_flag(n) and not _is_reset(n)]
+    flags += [n for n in net.nodes[: net.model_size] if n.op in COMPARED and len(flags) < MOST_FLAGS]
+    return flags
 
 
-def of_operation(net, node):
+def control_operations(net, node):
     """Another condition, or another order of two."""
     op, a = node.op, node.args
     if is_reset_choice(node):
-        yield from _of_reset(net, node)
+        yield from _reset_variants(net, node)
     elif op == "mux":
-        yield from _of_choice(net, node)
+        yield from _choice_variants(net, node)
     users = net.users.get(node.id, ())
     if len(users) > 1 and _is_reset(node):
         for before in (1, 0):
-            yield "late", "the reset by 1 clock", net.reset_late(node, before), 0
-        for e in flags_of(net):
-            for said, flag in ((f"{e!r}", e), (f"not {e!r}", net.node("not", (e,)))):
-                yield "priority", f"reset only with {said}", net.node("land", (node, flag)), 0
+            yield "late", "the reset by 1 clock", net.delayed_reset(node, before), 0
+        for e in condition_flags(net):
+            for description, flag in ((f"{e!r}", e), (f"not {e!r}", net.node("not", (e,)))):
+                yield "priority", f"reset only with {description}", net.node("land", (node, flag)), 0
     elif len(users) > 1 and all(decides(*user) for user in users):
         yield "condition", f"always {node!r}", net.const(1), 1 if op in COMPARED else 0
         yield "condition", f"never {node!r}", net.const(0), 1 if op in COMPARED else 0
         yield "condition", f"{node!r} inverted", net.node("not", (node,)), 0
         yield from _other_conditions(net, node, 1)
     if op in COMPARED:
-        for other in NEAR[op]:
+        for other in NEIGHBOURS[op]:
             cost = 0 if other in ("le", "lt", "ge", "gt") and op not in ("eq", "ne") else 1
             yield "comparison", f"{other} for {op}", net.node(other, a), cost
-    if op == "eq" and a[1].op == "const" and a[0].op in ("reg", "in") and net.width_of(a[0]) <= MOST_MODES:
-        for value in set(range(1 << net.width_of(a[0]))) - {a[1].value}:
+    if op == "eq" and a[1].op == "const" and a[0].op in ("reg", "in") and net.node_width(a[0]) <= MOST_MODES:
+        for value in set(range(1 << net.node_width(a[0]))) - {a[1].value}:
             also = net.node("lor", (node, net.node("eq", (a[0], net.const(value)))))
             yield "condition", f"{node!r}, or {value}", also, 0
     if op in ("or", "mux") and not is_reset_choice(node):
-        listed = _listed(node)
-        if listed is not None and op == "or":
-            yield "condition", f"always all of {node!r}", net.const(listed), 1
+        word = _or_word(node)
+        if word is not None and op == "or":
+            yield "condition", f"always all of {node!r}", net.const(word), 1
     if op in ("land", "lor"):
         for k in (0, 1):
             yield "condition", f"{a[k]!r} missing", a[1 - k], 1 if a[k].op in COMPARED else 0
@@ -85,14 +85,14 @@ def of_operation(net, node):
             yield "operand", f"without {a[1 - k]!r}", a[k], 2
 
 
-def _listed(node):
+def _or_word(node):
     """All bits of a word that is an or of choices between constants, or None."""
     if node.op == "const":
         return node.value
     if node.op not in ("or", "mux"):
         return None
-    found = [_listed(a) for a in (node.args if node.op == "or" else node.args[1:])]
-    return None if None in found else found[0] | found[1]
+    words = [_or_word(a) for a in (node.args if node.op == "or" else node.args[1:])]
+    return None if None in words else words[0] | words[1]
 
 
 def decides(node, k):
@@ -100,14 +100,14 @@ def decides(node, k):
     return node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
 
 
-def _of_reset(net, node):
+def _reset_variants(net, node):
     """A register without reset or with a reset that another branch overrides."""
     rst, value, after = node.args
-    held = net.node("reg", (), node.value)
+    register = net.node("reg", (), node.value)
     yield "no_reset", "goes on", after, 0
-    yield "no_reset", "holds", net.node("mux", (rst, held, after)), 0
+    yield "no_reset", "holds", net.node("mux", (rst, register, after)), 0
     for before in (1, 0):
-        yield "late", "the reset by 1 clock", net.node("mux", (net.reset_late(rst, before), value, after)), 0
+        yield "late", "the reset by 1 clock", net.node("mux", (net.delayed_reset(rst, before), value, after)), 0
     yield "early", "1 clock", net.node("mux", (rst, value, net.node("ahead", (after,)))), 0
     yield "early", "1 clock, its reset as well", net.node("ahead", (node,)), 0
     rst_ahead = net.node("ahead", (rst,))
@@ -115,36 +115,36 @@ def _of_reset(net, node):
     if after.op == "mux" and after.args[1].op == "const" and after.args[1].value == value.value:
         # a branch that does the same as the reset
         cleared, (c, _, b) = net.node("lor", (rst, after.args[0])), after.args
-        yield "no_reset", f"holds, also where {c!r}", net.node("mux", (cleared, held, b)), 1
+        yield "no_reset", f"holds, also where {c!r}", net.node("mux", (cleared, register, b)), 1
         yield "no_reset", f"goes on, also where {c!r}", b, 1
-        loading = _loads(net, b, held)
+        loading = _loads(net, b, register)
         if loading.op != "const":
-            once = net.node("mux", (loading, net.held(loading, b, value.value, cleared), held))
-            yield "late", "1 enable", net.node("mux", (cleared, value, once)), 0
-    late, enabled = after, after
-    loads = _loads(net, after, held)
-    if after.op == "mux" and held in after.args[1:]:
+            delayed_load = net.node("mux", (loading, net.enabled_register(loading, b, value.value, cleared), register))
+            yield "late", "1 enable", net.node("mux", (cleared, value, delayed_load)), 0
+    delayed, enabled = after, after
+    loads = _loads(net, after, register)
+    if after.op == "mux" and register in after.args[1:]:
         c, a, b = after.args
-        enable, loaded = (c, a) if b is held else (net.node("not", (c,)), b)
-        once = net.node("mux", (enable, net.held(enable, loaded, value.value), held))
-        yield "late", f"1 enable {enable!r}", net.node("mux", (rst, value, once)), 0
-    behind = after
+        enable, loaded = (c, a) if b is register else (net.node("not", (c,)), b)
+        delayed_load = net.node("mux", (enable, net.enabled_register(enable, loaded, value.value), register))
+        yield "late", f"1 enable {enable!r}", net.node("mux", (rst, value, delayed_load)), 0
+    pipelined = after
     if loads.op != "const":
         # a register that holds, and behind it others that do not
-        behind = net.held(loads, after, value.value)
-        yield "late", "1 clock", net.node("mux", (rst, value, behind)), 0
+        pipelined = net.enabled_register(loads, after, value.value)
+        yield "late", "1 clock", net.node("mux", (rst, value, pipelined)), 0
     for k in range(1, MOST_LATE + 1):
-        if behind is not after:
-            behind = net.held(net.const(1), behind, value.value)
-            yield "late", f"{k + 1} clocks", net.node("mux", (rst, value, behind)), 0
-        late = net.held(net.const(1), late, value.value)
-        yield "late", f"{k} clock" + "s" * (k > 1), net.node("mux", (rst, value, late)), 0
+        if pipelined is not after:
+            pipelined = net.enabled_register(net.const(1), pipelined, value.value)
+            yield "late", f"{k + 1} clocks", net.node("mux", (rst, value, pipelined)), 0
+        delayed = net.enabled_register(net.const(1), delayed, value.value)
+        yield "late", f"{k} clock" + "s" * (k > 1), net.node("mux", (rst, value, delayed)), 0
         if loads.op != "const":
-            enabled = net.held(loads, enabled, value.value)
+            enabled = net.enabled_register(loads, enabled, value.value)
             yield (
                 "late",
                 f"{k} enable" + "s" * (k > 1),
-                net.node("mux", (rst, value, net.node("mux", (loads, enabled, held)))),
+                net.node("mux", (rst, value, net.node("mux", (loads, enabled, register)))),
                 0,
             )
     if after.op == "mux":
@@ -157,23 +157,23 @@ def _of_reset(net, node):
 
 def _before_the_reset(net, rst, value, after):
     """The reset behind a branch that is not the first one."""
-    passed, behind = [after.args[:2]], after.args[2]
-    while behind.op == "mux":
-        c, a, behind = behind.args
-        found = net.node("mux", (rst, value, behind))
+    passed, remaining = [after.args[:2]], after.args[2]
+    while remaining.op == "mux":
+        c, a, remaining = remaining.args
+        choice = net.node("mux", (rst, value, remaining))
         for branch in reversed(passed):
-            found = net.node("mux", (*branch, found))
-        yield "priority", f"{c!r} before the reset", net.node("mux", (c, a, found)), 1
+            choice = net.node("mux", (*branch, choice))
+        yield "priority", f"{c!r} before the reset", net.node("mux", (c, a, choice)), 1
         passed.append((c, a))
 
 
-def _loads(net, node, held):
+def _loads(net, node, register):
     """Where a register is not kept as it is."""
-    if node is held:
+    if node is register:
         return net.const(0)
     if node.op != "mux":
         return net.const(1)
-    ways = [_loads(net, a, held) for a in node.args[1:]]
+    ways = [_loads(net, a, register) for a in node.args[1:]]
     return ways[0] if ways[0] is ways[1] else net.node("mux", (node.args[0], *ways))
 
 
@@ -186,7 +186,7 @@ def _opposite(a, b):
     )
 
 
-def _of_choice(net, node):
+def _choice_variants(net, node):
     c, a, b = node.args
     cause = "sign" if _opposite(a, b) else "condition"
     yield cause, f"{c!r} inverted", net.node("mux", (c, b, a)), 0
@@ -205,7 +205,7 @@ def _of_choice(net, node):
 
 
 def _other_conditions(net, c, cost):
-    for e in flags_of(net):
+    for e in condition_flags(net):
         if e is c:
             continue
         turned = net.node("not", (e,))
@@ -216,7 +216,7 @@ def _other_conditions(net, c, cost):
         yield "condition", f"{c!r} and not {e!r}", net.node("land", (c, turned)), cost + 1
 
 
-def of_operand(net, node, k, child, seen):
+def control_operands(net, node, k, child, value_range):
     """Operand k a clock late or early, or another one."""
     condition = decides(node, k)
     if child.op == "const" or _is_reset(child) or (is_reset_choice(node) and k == 2):
@@ -226,7 +226,7 @@ def of_operand(net, node, k, child, seen):
     if condition and node.op != "mux" and child.op not in ("land", "lor"):
         yield "condition", f"{child!r} inverted", net.node("not", (child,)), 0
     if condition:
-        edge = net.node("land", (child, net.node("not", (net.late(child),))))
+        edge = net.node("land", (child, net.node("not", (net.delayed_node(child),))))
         yield "condition", f"{child!r} where it was 0 a clock before", edge, 1
         odd = net.odd(child)
         yield "condition", f"every second {child!r}", net.node("land", (child, odd)), 1
@@ -237,21 +237,23 @@ def of_operand(net, node, k, child, seen):
             1,
         )
     if child.op != "param" and node.op not in ROOTS and not (child.op in ("reg",) and _holds(net, node, child)):
-        yield "late", f"{child!r} by 1 clock", net.late(child), 0 if not child.args else 1
+        yield "late", f"{child!r} by 1 clock", net.delayed_node(child), 0 if not child.args else 1
         if not child.args:
-            late = net.late(child)
-            yield "late", f"{child!r} by 2 clocks", net.late(late), 1
+            delayed = net.delayed_node(child)
+            yield "late", f"{child!r} by 2 clocks", net.delayed_node(delayed), 1
     if child.op == "reg":
         # in a counter, or compared with a number, it is the same as another number
         doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in (*COMPARED, "table")
         yield "early", f"new {child!r}", net.roots[child.value], 1 if doubtful else 0
         yield "early", f"new {child!r} but for the reset", net.roots[child.value].args[0].args[2], 1 if doubtful else 0
     if child.op in ("reg", "in", "param"):
-        for other in net.nodes[: net.own]:
-            same = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
-            if other.op in ("reg", "in", "param") and same and other is not child and not _is_reset(other):
-                kept = other.op == "reg" and other.value == net.loads.get((node.id, k))
-                cause = "limit" if node.op == "clamp" and k else "condition" if condition or kept else "operand"
+        for other in net.nodes[: net.model_size]:
+            is_comparable = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
+            if other.op in ("reg", "in", "param") and is_comparable and other is not child and not _is_reset(other):
+                is_destination = other.op == "reg" and other.value == net.loads.get((node.id, k))
+                cause = (
+                    "limit" if node.op == "clamp" and k else "condition" if condition or is_destination else "operand"
+                )
                 yield cause, f"{other!r} in the place of {child!r}", other, 1
 
 
@@ -260,35 +262,35 @@ def branches(node):
     return [leaf for way in node.args[1:] for leaf in branches(way)] if node.op == "mux" else [node]
 
 
-def of_load(net, node, loaded, name):
+def load_alternatives(net, node, loaded, name):
     """What a branch loads: not loaded, what another branch loads, or loaded as well where the register is held."""
-    held = net.node("reg", (), name)
+    register = net.node("reg", (), name)
     cleared = (net.const(net.reset[name]),) if name in net.reset else ()
     if not is_reset_choice(node):
-        if name in net.reset and loaded is not held:
-            yield "condition", f"{loaded!r} is not loaded", held, 1
-        for other in (*leaves_of(net, name), *cleared) if loaded.op != "mux" else ():
-            if other not in (loaded, held):
+        if name in net.reset and loaded is not register:
+            yield "condition", f"{loaded!r} is not loaded", register, 1
+        for other in (*loadable_values(net, name), *cleared) if loaded.op != "mux" else ():
+            if other not in (loaded, register):
                 yield "condition", f"{other!r} where {loaded!r} is loaded", other, 2
-    found = branches(loaded)
-    for value in dict.fromkeys((*found, *cleared)) if held in found else ():
-        if value is not held:
-            yield "condition", f"{value!r} also where {name} is held", _filled(net, loaded, held, value), 1
+    loaded_values = branches(loaded)
+    for value in dict.fromkeys((*loaded_values, *cleared)) if register in loaded_values else ():
+        if value is not register:
+            yield "condition", f"{value!r} also where {name} is held", _filled(net, loaded, register, value), 1
 
 
-def leaves_of(net, name):
+def loadable_values(net, name):
     """What the branches of a register or pin load, the reset value left out."""
     root = net.roots[name].args[0]
     return tuple(dict.fromkeys(branches(root.args[2] if is_reset_choice(root) else root)))
 
 
-def _filled(net, node, held, value):
+def _filled(net, node, register, value):
     if node.op != "mux":
-        return value if node is held else node
-    return net.node("mux", (node.args[0], *(_filled(net, way, held, value) for way in node.args[1:])), node.value)
+        return value if node is register else node
+    return net.node("mux", (node.args[0], *(_filled(net, way, register, value) for way in node.args[1:])), node.value)
 
 
-def of_another_channel(net, node, k, child):
+def channel_variants(net, node, k, child):
     """Operand k as it is in the register of another channel."""
     if node.op in ROOTS or not child.args:
         return

@@ -12,7 +12,7 @@ import itertools
 
 from testbench.golden.diagnosis.net import COMPARED
 from testbench.golden.diagnosis.perturb_arithmetic import is_flag
-from testbench.golden.diagnosis.perturb_control import decides, is_reset_choice, leaves_of
+from testbench.golden.diagnosis.perturb_control import decides, is_reset_choice, loadable_values
 
 MOST_INSIDE = 40  # nodes of what is loaded, beyond which only leaves are varied
 MOST_OPERANDS = 10  # of a load that are exchanged, each with each
@@ -20,72 +20,72 @@ MOST_EXCHANGED = 150  # pairs of a root
 MOST_TWINS = 8  # calls of one expression
 
 
-def after_of(root):
+def unreset_value(root):
     """What a register takes without its reset, or the node of a pin."""
-    found = root.args[0]
-    return found.args[2] if is_reset_choice(found) else found
+    node = root.args[0]
+    return node.args[2] if is_reset_choice(node) else node
 
 
 def paths(net):
     """{(id of a choice, argument): [condition of the load]}; a choice that several registers share has several."""
-    found = {}
+    conditions = {}
     for root in net.roots.values():
-        ahead = [(after_of(root), net.const(1))] if root.op == "next" else []
-        while ahead:
-            node, taken = ahead.pop()
+        pending = [(unreset_value(root), net.const(1))] if root.op == "next" else []
+        while pending:
+            node, condition = pending.pop()
             if node.op != "mux" or is_reset_choice(node):
                 continue
             for k, flag in ((1, node.args[0]), (2, net.node("not", node.args[:1]))):
-                here = flag if taken.op == "const" else net.node("land", (taken, flag))
-                ways = found.setdefault((node.id, k), [])
-                if here not in ways:
-                    ways.append(here)
-                ahead.append((node.args[k], here))
-    return found
+                branch_condition = flag if condition.op == "const" else net.node("land", (condition, flag))
+                ways = conditions.setdefault((node.id, k), [])
+                if branch_condition not in ways:
+                    ways.append(branch_condition)
+                pending.append((node.args[k], branch_condition))
+    return conditions
 
 
 def prepare(net):
     """Find the loads of a net, once."""
-    if net.taken is None:
-        net.taken, net.taking = paths(net), {}
+    if net.load_conditions is None:
+        net.load_conditions, net.roots_by_value = paths(net), {}
         for root in net.roots.values():
-            net.taking.setdefault(after_of(root).id, []).append(root)
+            net.roots_by_value.setdefault(unreset_value(root).id, []).append(root)
 
 
 def _operands(net, loaded):
     """Nodes in what is loaded that carry a number or a flag that varies."""
-    inside = net.inside(loaded)
+    inside = net.cone_nodes(loaded)
     few = len(inside) <= MOST_INSIDE
     return [n for n in inside if n.op not in ("const", "param") and n.value != "rst" and (few or not n.args)]
 
 
-def of_load(net, node, k, loaded, taken):
+def load_variants(net, node, k, loaded, conditions):
     """A loaded value in which one operand is late, or two are exchanged; `taken` are the conditions of the load."""
     if loaded.op == "mux":
         return
     operands = _operands(net, loaded)
     for child in operands:
-        for here in taken:
-            was = net.held(here, child, 0)
-            yield "late", f"{child!r} of the load before", net.substituted(loaded, {child.id: was}), 1
+        for condition in conditions:
+            was = net.enabled_register(condition, child, 0)
+            yield "late", f"{child!r} of the load before", net.substitute(loaded, {child.id: was}), 1
         if child.args:
-            late = net.substituted(loaded, {child.id: net.late(child)})
-            yield "late", f"{child!r} by 1 clock wherever it is loaded", late, 1
+            delayed = net.substitute(loaded, {child.id: net.delayed_node(child)})
+            yield "late", f"{child!r} by 1 clock wherever it is loaded", delayed, 1
     for a, b in itertools.combinations([n for n in operands if not is_flag(n)][:MOST_OPERANDS], 2):
         if not (a.cone >> b.id & 1 or b.cone >> a.id & 1):
-            by = net.substituted(loaded, {a.id: b, b.id: a})
+            by = net.substitute(loaded, {a.id: b, b.id: a})
             yield "operand", f"{a!r} and {b!r} exchanged", by, 1
 
 
-def of_hold(net, child):
+def hold_variants(net, child):
     """What else a register takes in one branch where it should hold."""
     name = child.value
-    for other in (*leaves_of(net, name), net.const(net.reset[name])):
+    for other in (*loadable_values(net, name), net.const(net.reset[name])):
         if other is not child:
             yield "condition", f"{other!r} where {name} is held", other, 1
 
 
-def holds(net, node, k):
+def keeps_register(net, node, k):
     """Whether a choice keeps a register in one of its branches."""
     child = node.args[k]
     if node.op != "mux" or k == 0 or is_reset_choice(node) or child.op != "reg":
@@ -93,18 +93,18 @@ def holds(net, node, k):
     return child.value in net.roots and bool(net.roots[child.value].cone >> node.id & 1)
 
 
-def repeated(net, root):
+def repeated_loads(net, root):
     """[(loaded value, a choice that loads it, argument)] of the values that several branches of a register load."""
-    found, ahead = {}, [after_of(root)]
-    while ahead:
-        node = ahead.pop()
+    loads, pending = {}, [unreset_value(root)]
+    while pending:
+        node = pending.pop()
         for k in (1, 2) if node.op == "mux" else ():
             child = node.args[k]
             if child.op == "mux":
-                ahead.append(child)
+                pending.append(child)
             elif child.op != "const":
-                found.setdefault(child.id, []).append((child, node, k))
-    return [ways[0] for ways in found.values() if len(ways) > 1]
+                loads.setdefault(child.id, []).append((child, node, k))
+    return [ways[0] for ways in loads.values() if len(ways) > 1]
 
 
 def in_all_branches(net, node, old, new):
@@ -117,47 +117,47 @@ def in_all_branches(net, node, old, new):
 
 def twins(net, root):
     """Lists of nodes that are one expression of the model, in a function that it calls several times."""
-    found = {}
-    after = after_of(root)
-    for n in net.inside(after):
+    groups = {}
+    after = unreset_value(root)
+    for n in net.cone_nodes(after):
         text = n.args[0].text if n.op == "mux" else n.text
         if n.args and text and n is not after:
-            found.setdefault((n.op, text), []).append(n)
-    return [same for same in found.values() if 2 <= len(same) <= MOST_TWINS]
+            groups.setdefault((n.op, text), []).append(n)
+    return [group for group in groups.values() if 2 <= len(group) <= MOST_TWINS]
 
 
-def data_of(net, root):
+def value_node_ids(net, root):
     """Ids of the nodes that a root reads as values, not in conditions."""
-    found, ahead = set(), [after_of(root)]
-    while ahead:
-        node = ahead.pop()
-        if node.id not in found:
-            found.add(node.id)
-            ahead += [a for k, a in enumerate(node.args) if not decides(node, k)]
-    return found
+    ids, pending = set(), [unreset_value(root)]
+    while pending:
+        node = pending.pop()
+        if node.id not in ids:
+            ids.add(node.id)
+            pending += [a for k, a in enumerate(node.args) if not decides(node, k)]
+    return ids
 
 
-def of_root(net, root):
+def leaf_exchanges(net, root):
     """What a register or pin takes, with two leaves exchanged everywhere in it."""
-    after = after_of(root)
-    data = data_of(net, root)
-    leaves = [n for n in net.inside(after) if n.op in ("reg", "in", "param") and n.value != "rst"]
+    after = unreset_value(root)
+    data = value_node_ids(net, root)
+    leaves = [n for n in net.cone_nodes(after) if n.op in ("reg", "in", "param") and n.value != "rst"]
     pairs = [
         (a, b)
         for a, b in itertools.combinations(leaves, 2)
         if is_flag(a) == is_flag(b) and (a.op == "param") == (b.op == "param")
     ]
-    pairs.sort(key=lambda pair: abs(net.width_of(pair[0]) - net.width_of(pair[1])))
+    pairs.sort(key=lambda pair: abs(net.node_width(pair[0]) - net.node_width(pair[1])))
     for a, b in pairs[:MOST_EXCHANGED]:
         cause = "operand" if {a.id, b.id} & data else "condition"
-        if _of_limits(net, after, a, b):
+        if _is_limit_exchange(net, after, a, b):
             cause = "limit"
-        by = net.substituted(after, {a.id: b, b.id: a})
+        by = net.substitute(after, {a.id: b, b.id: a})
         yield cause, f"{a!r} and {b!r} exchanged", by, 1
 
 
-def _of_limits(net, after, a, b):
-    inside = net.inside(after)
+def _is_limit_exchange(net, after, a, b):
+    inside = net.cone_nodes(after)
     users = [(n, n.args.index(leaf)) for n in inside for leaf in (a, b) if leaf in n.args]
     return (
         bool(users)

@@ -11,7 +11,7 @@ Source  docs/diagnosis.md
 
 import numpy as np
 
-from testbench.golden.diagnosis.net import OPERATIONS, moved
+from testbench.golden.diagnosis.net import OPERATIONS, permute_bits
 
 TIMED = ("held", "ahead", "odd")
 
@@ -22,11 +22,11 @@ def applied(node, args):
         words = np.array(node.value, np.int64)
         return words[np.clip(args[0], 0, len(words) - 1)]
     if node.op == "moved":
-        return moved(args[0], node.value)
+        return permute_bits(args[0], node.value)
     return OPERATIONS[node.op][0](*args)
 
 
-def _held(load, x, rst, reset):
+def _register_column(load, x, rst, reset):
     """Column of a register: what `x` was in the last row before with a load, or `reset` where that was a reset."""
     event = (load != 0) | (rst != 0)
     last = np.maximum.accumulate(np.where(event, np.arange(len(x)), -1))
@@ -49,50 +49,50 @@ class Rows:
         self.net, self.leaves, self.count = net, leaves, count
         self.columns, self._ranges = {}, {}
 
-    def seen(self, node):
+    def value_range(self, node):
         """(least, largest) value of a node."""
         if node.id not in self._ranges:
-            column = self.full(node)
+            column = self.node_column(node)
             self._ranges[node.id] = int(column.min()), int(column.max())
         return self._ranges[node.id]
 
-    def full(self, node):
+    def node_column(self, node):
         """Column of a node over all rows."""
-        found = self.columns.get(node.id)
-        if found is None:
-            found = self.columns[node.id] = self._made(node)
-        return found
+        column = self.columns.get(node.id)
+        if column is None:
+            column = self.columns[node.id] = self._compute_column(node)
+        return column
 
-    def _made(self, node):
+    def _compute_column(self, node):
         if node.op in ("reg", "in"):
             return self.leaves[node.op, node.value]
         if node.op in ("const", "param"):
-            return np.full(self.count, self._number(node), np.int64)
-        args = [self.full(a) for a in node.args]
+            return np.full(self.count, self._constant_value(node), np.int64)
+        args = [self.node_column(a) for a in node.args]
         if node.op == "odd":
             return _odd(*args)
         if node.op == "ahead":
             return np.append(args[0][1:], args[0][-1:])
-        return _held(*args, node.value) if node.op == "held" else applied(node, args)
+        return _register_column(*args, node.value) if node.op == "held" else applied(node, args)
 
     @staticmethod
-    def _number(node):
+    def _constant_value(node):
         return node.value if node.op == "const" else node.value[1]
 
-    def plain(self, node, at):
+    def row_values(self, node, at):
         """Values of a node at some rows; the column of what is not of the model is not kept."""
-        found = self.columns.get(node.id)
-        if found is not None:
-            return found[at]
+        column = self.columns.get(node.id)
+        if column is not None:
+            return column[at]
         if node.op in ("const", "param"):
-            return np.int64(self._number(node))
-        if node.id < self.net.own or node.op in TIMED or not node.args:
-            return self.full(node)[at]
-        return applied(node, [self.plain(a, at) for a in node.args])
+            return np.int64(self._constant_value(node))
+        if node.id < self.net.model_size or node.op in TIMED or not node.args:
+            return self.node_column(node)[at]
+        return applied(node, [self.row_values(a, at) for a in node.args])
 
-    def changed(self, root, faults, at):
+    def faulty_values(self, root, faults, at):
         """Values of `root` at the rows `at` with `by` in the place of `site` for each (site, by)."""
-        done = {}
+        cache = {}
 
         def value(node, live):
             for k in live:
@@ -101,11 +101,11 @@ class Rows:
                     return by if isinstance(by, np.ndarray) else value(by, tuple(n for n in live if n != k))
             live = tuple(k for k in live if node.cone >> faults[k][0].id & 1)
             if not live or node.op in TIMED:
-                return self.plain(node, at)
+                return self.row_values(node, at)
             key = node.id, live
-            if key not in done:
-                done[key] = applied(node, [value(a, live) for a in node.args])
-            return done[key]
+            if key not in cache:
+                cache[key] = applied(node, [value(a, live) for a in node.args])
+            return cache[key]
 
         return value(root, tuple(range(len(faults)))) + np.zeros(
             self.count if isinstance(at, slice) else len(at), np.int64

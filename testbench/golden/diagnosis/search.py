@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model.block import BIT
-from testbench.golden.diagnosis import of_conditions, of_data, perturb
+from testbench.golden.diagnosis import condition_hypotheses, perturb, value_hypotheses
 from testbench.golden.diagnosis.net import wrapped
 from testbench.golden.diagnosis.perturb import Hypothesis
 from testbench.golden.diagnosis.rows import Rows
@@ -39,11 +39,11 @@ class Target(NamedTuple):
     root: object
     fmt: object
     got: np.ndarray
-    judged: np.ndarray
+    compared_rows: np.ndarray
     sound: np.ndarray
     wrong: np.ndarray
 
-    def as_held(self, column):
+    def wrap_to_width(self, column):
         """A column as a port of this width holds it."""
         return wrapped(column, self.fmt.width, bool(self.fmt.s))
 
@@ -62,7 +62,7 @@ class Fit(NamedTuple):
         return h.cause, h.site.id, h.by.id
 
 
-def sampled(rows):
+def sample_rows(rows):
     """Some of many rows: the first ones, and others up to the last one."""
     if len(rows) <= SAMPLE:
         return rows
@@ -81,7 +81,7 @@ class Search:
     def __init__(self, net, leaves, got, care, expected):
         self.net, self.count = net, len(next(iter(leaves.values())))
         self.rows = Rows(net, leaves, self.count)
-        self.hypotheses, self._shown, self.tried = {}, {}, {}
+        self.hypotheses, self._difference_kinds, self.tried = {}, {}, {}
         self._usual = {name: self._as_usual(name, got, expected) for name in net.reset if name in got}
         self.targets = {name: self._target(name, got[name], care) for name in net.roots if name in got}
         self.faulty = [
@@ -99,72 +99,72 @@ class Search:
 
     def _target(self, name, got, care):
         root, fmt = self.net.roots[name], self.net.fmts[name]
-        judged = care[name].copy()
+        compared_rows = care[name].copy()
         if root.op == "next":
             # row n of the net gives row n + 1 of the register
-            got, judged = np.append(got[1:], got[-1:]), np.append(judged[1:], False)
-        for node in self.net.inside(root):
+            got, compared_rows = np.append(got[1:], got[-1:]), np.append(compared_rows[1:], False)
+        for node in self.net.cone_nodes(root):
             if node.op == "reg" and node.value in care:
-                judged &= care[node.value] & self._usual[node.value]
-        sound = wrapped(self.rows.full(root), fmt.width, bool(fmt.s))
-        return Target(name, root, fmt, got, judged, sound, judged & (got != sound))
+                compared_rows &= care[node.value] & self._usual[node.value]
+        sound = wrapped(self.rows.node_column(root), fmt.width, bool(fmt.s))
+        return Target(name, root, fmt, got, compared_rows, sound, compared_rows & (got != sound))
 
     @functools.cached_property
     def bits(self):
         """`of_conditions.Bits` of the rows."""
-        return of_conditions.Bits(self.net, self.rows)
+        return condition_hypotheses.Bits(self.net, self.rows)
 
-    def of_site(self, node):
+    def site_hypotheses(self, node):
         """Hypotheses at a node, made once."""
         if node.id not in self.hypotheses:
-            self.hypotheses[node.id] = perturb.of_node(self.net, node, self.rows.seen)
+            self.hypotheses[node.id] = perturb.node_hypotheses(self.net, node, self.rows.value_range)
         return self.hypotheses[node.id]
 
-    def changed(self, target, faults, at):
+    def faulty_values(self, target, faults, at):
         """What a target is with faults, as its port holds it."""
-        return target.as_held(self.rows.changed(target.root, faults, at))
+        return target.wrap_to_width(self.rows.faulty_values(target.root, faults, at))
 
-    def fit(self, target, hypothesis, others=()):
+    def fit(self, target, hypothesis, assumed_faults=()):
         """`Fit` of one hypothesis beside `others` that are taken for granted, over all rows."""
         every = slice(None)
-        column = self.changed(target, ((hypothesis.site, hypothesis.by), *others), every)
-        before = self.changed(target, others, every) if others else target.sound
-        wrong = target.judged & (target.got != before)
-        active = target.judged & (column != before)
+        column = self.faulty_values(target, ((hypothesis.site, hypothesis.by), *assumed_faults), every)
+        before = self.faulty_values(target, assumed_faults, every) if assumed_faults else target.sound
+        wrong = target.compared_rows & (target.got != before)
+        active = target.compared_rows & (column != before)
         explained = wrong & (column == target.got)
         hits = np.count_nonzero(explained)
         return Fit(hypothesis, hits / max(np.count_nonzero(wrong), 1), hits / max(np.count_nonzero(active), 1), column)
 
-    def fits(self, name, others=()):
+    def ranked_fits(self, name, assumed_faults=()):
         """Fits of a target that explain enough and disturb little, the best first."""
         target = self.targets[name]
-        before = self.changed(target, others, slice(None)) if others else target.sound
-        wrong = np.flatnonzero(target.judged & (target.got != before))
+        before = self.faulty_values(target, assumed_faults, slice(None)) if assumed_faults else target.sound
+        wrong = np.flatnonzero(target.compared_rows & (target.got != before))
         if not len(wrong):
             return []
-        picked = sampled(wrong)
-        inside = [node for node in self.net.inside(target.root) if node.id < self.net.own]
-        tried = [h for node in inside for h in self.of_site(node)]
+        picked = sample_rows(wrong)
+        inside = [node for node in self.net.cone_nodes(target.root) if node.id < self.net.model_size]
+        tried = [h for node in inside for h in self.site_hypotheses(node)]
         rivals = []
-        if not others:
-            read = of_data.hypotheses(self.net, self.rows, target, inside, wrong)
-            read += of_conditions.hypotheses(self, target, inside, picked, wrong)
+        if not assumed_faults:
+            read = value_hypotheses.hypotheses(self.net, self.rows, target, inside, wrong)
+            read += condition_hypotheses.hypotheses(self, target, inside, picked, wrong)
             tried += [h for h in read if h.cost < perturb.FAR]
             rivals = [h for h in read if h.cost >= perturb.FAR]
         self.tried[name] = max(len(tried), self.tried.get(name, 0))
-        hits = self._hits(target, tried, others, picked)
+        hits = self._hits(target, tried, assumed_faults, picked)
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
-        whole = [k for k in order if hits[k] == len(picked)]
+        complete = [k for k in order if hits[k] == len(picked)]
         part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
-        found = self._first_of_each(target, [tried[k] for k in whole], others)
-        if any(f.share == 1.0 for f in found):
-            rivals += [] if others else of_data.beyond(self.net, target, inside)
-            hits = self._hits(target, rivals, others, picked)
-            found += self._kept(target, [h for h, n in zip(rivals, hits) if n == len(picked)], others)
+        fits = self._fits_by_cause(target, [tried[k] for k in complete], assumed_faults)
+        if any(f.share == 1.0 for f in fits):
+            rivals += [] if assumed_faults else value_hypotheses.unclassified_hypotheses(self.net, target, inside)
+            hits = self._hits(target, rivals, assumed_faults, picked)
+            fits += self._acceptable_fits(target, [h for h, n in zip(rivals, hits) if n == len(picked)], assumed_faults)
         else:
-            found += self._kept(target, [tried[k] for k in part[:MOST_FITS]], others)
-            found += self._last(target, inside, picked, wrong) if not others else []
-        return sorted(found, key=lambda f: (-round(f.share * f.precision, 3), f.hypothesis.cost))
+            fits += self._acceptable_fits(target, [tried[k] for k in part[:MOST_FITS]], assumed_faults)
+            fits += self._fallback_fits(target, inside, picked, wrong) if not assumed_faults else []
+        return sorted(fits, key=lambda f: (-round(f.share * f.precision, 3), f.hypothesis.cost))
 
     def free(self, target, node, column):
         """A flag that has a value of its own in each row."""
@@ -172,86 +172,90 @@ class Search:
         self.rows.leaves["in", name] = column.astype(np.int64)
         return self.net.leaf("in", name, BIT)
 
-    def _last(self, target, inside, picked, wrong):
+    def _fallback_fits(self, target, inside, picked, wrong):
         """What is tried where nothing else explains all wrong rows; none of it makes a name certain."""
-        for source in (of_data.of_operands, of_conditions.of_any, of_data.of_any_rounding):
+        for source in (
+            value_hypotheses.operand_hypotheses,
+            condition_hypotheses.free_condition_hypotheses,
+            value_hypotheses.free_rounding_hypotheses,
+        ):
             tried = list(source(self, target, inside, wrong))
             self.tried[target.name] += len(tried)
             hits = self._hits(target, tried, (), picked)
-            whole = [h for h, n in zip(tried, hits) if n == len(picked)]
-            found = [f for f in self._kept(target, whole[:MOST_FITS], ()) if f.share == f.precision == 1.0]
-            if found:
-                return found
+            complete = [h for h, n in zip(tried, hits) if n == len(picked)]
+            fits = [f for f in self._acceptable_fits(target, complete[:MOST_FITS], ()) if f.share == f.precision == 1.0]
+            if fits:
+                return fits
         return []
 
-    def _hits(self, target, tried, others, picked):
+    def _hits(self, target, tried, assumed_faults, picked):
         """How many of the picked rows each hypothesis gives; those of one site are computed together."""
         hits, sites = np.zeros(len(tried), np.int64), {}
         for k, h in enumerate(tried):
             sites.setdefault(h.site.id, []).append(k)
         for numbers in sites.values():
             site = tried[numbers[0]].site
-            was = self.rows.plain(site, picked)
-            values = [self.rows.plain(tried[k].by, picked) + np.zeros(len(picked), np.int64) for k in numbers]
-            active = [n for n, value in enumerate(values) if others or np.any(value != was)]
+            was = self.rows.row_values(site, picked)
+            values = [self.rows.row_values(tried[k].by, picked) + np.zeros(len(picked), np.int64) for k in numbers]
+            active = [n for n, value in enumerate(values) if assumed_faults or np.any(value != was)]
             if active:
                 stack = np.stack([values[n] for n in active])
-                found = self.changed(target, ((site, stack), *others), picked)
-                counts = np.count_nonzero(np.broadcast_to(found, stack.shape) == target.got[picked], axis=1)
+                predicted = self.faulty_values(target, ((site, stack), *assumed_faults), picked)
+                counts = np.count_nonzero(np.broadcast_to(predicted, stack.shape) == target.got[picked], axis=1)
                 hits[[numbers[n] for n in active]] = counts
         return hits
 
-    def _kept(self, target, tried, others):
-        fits = [self.fit(target, h, others) for h in tried]
+    def _acceptable_fits(self, target, tried, assumed_faults):
+        fits = [self.fit(target, h, assumed_faults) for h in tried]
         return [f for f in fits if f.share >= LEAST_SHARE and f.precision >= LEAST_PRECISION]
 
-    def _first_of_each(self, target, tried, others):
+    def _fits_by_cause(self, target, tried, assumed_faults):
         """Fits of the first of a list, and of each cause: it is not alone because others are cheaper."""
-        found, whole, count = [], set(), collections.Counter()
+        fits, explained_causes, count = [], set(), collections.Counter()
         for k, h in enumerate(tried):
-            if k < MOST_FITS or (h.cause not in whole and count[h.cause] < MOST_OF_CAUSE):
+            if k < MOST_FITS or (h.cause not in explained_causes and count[h.cause] < MOST_OF_CAUSE):
                 count[h.cause] += 1
-                kept = self._kept(target, [h], others)
-                found += kept
-                whole |= {f.hypothesis.cause for f in kept if f.share == f.precision == 1.0}
-        return found
+                new_fits = self._acceptable_fits(target, [h], assumed_faults)
+                fits += new_fits
+                explained_causes |= {f.hypothesis.cause for f in new_fits if f.share == f.precision == 1.0}
+        return fits
 
     @functools.cached_property
     def reset(self):
         """Rows in which the block is reset."""
         return self.rows.leaves.get(("in", "rst"), np.zeros(self.count, np.int64)) != 0
 
-    def shown(self, name):
+    def difference_kind(self, name):
         """What the wrong rows of a target show: RESET, ALWAYS, EITHER, SAME or VALUES."""
-        if name not in self._shown:
-            self._shown[name] = self._what_is_shown(self.targets[name])
-        return self._shown[name]
+        if name not in self._difference_kinds:
+            self._difference_kinds[name] = self._classify_differences(self.targets[name])
+        return self._difference_kinds[name]
 
-    def _what_is_shown(self, target):
+    def _classify_differences(self, target):
         wrong = np.flatnonzero(target.wrong)
         if self.reset[wrong].all() and target.root.op == "next":
             return RESET
         if len(np.unique(target.got[wrong])) == 1:
             return ALWAYS
-        inside = [node for node in self.net.inside(target.root) if node.id < self.net.own]
-        mask, taken = (1 << target.fmt.width) - 1, []
+        inside = [node for node in self.net.cone_nodes(target.root) if node.id < self.net.model_size]
+        mask, both_flags = (1 << target.fmt.width) - 1, []
 
         def few(at):
             got, sound = target.got[at], target.sound[at]
             return any(len(np.unique(difference & mask)) <= FEW for difference in (got ^ sound, got - sound))
 
-        found = SAME if few(wrong) else VALUES
-        for given, both in of_conditions.decisions(
+        kind = SAME if few(wrong) else VALUES
+        for explained, both in condition_hypotheses.decisions(
             self, target, inside, wrong, lambda rest: not len(rest) or few(rest)
         ):
-            if given.all():
-                taken.append(both)
+            if explained.all():
+                both_flags.append(both)
             else:
-                found = SAME
-        return (EITHER if any(taken) else ALWAYS) if taken else found
+                kind = SAME
+        return (EITHER if any(both_flags) else ALWAYS) if both_flags else kind
 
     def evidence(self, name):
         """Bits that the wrong rows of a target are worth: log2 of the ways to choose so many, or one; values too."""
         target = self.targets[name]
-        n, k = np.count_nonzero(target.judged), np.count_nonzero(target.wrong)
+        n, k = np.count_nonzero(target.compared_rows), np.count_nonzero(target.wrong)
         return k * min(target.fmt.width - 1, 4) + max(k, (lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)) / log(2))

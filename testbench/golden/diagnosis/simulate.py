@@ -9,30 +9,30 @@ Source  docs/diagnosis.md
 """
 
 from fpga_model import fixed
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from testbench.golden.diagnosis.net import MOST_SHIFT, OPERATIONS
 
-KEPT = ("held", "odd")  # nodes that are registers
-CALLS = {name: python_of(rule) for name, rule in fixed.ROUNDINGS.items()}
-CALLS["clamp"] = python_of(fixed.clamp)
-CALLS["wrap"] = lambda x, width: python_of(fixed.wrap)(x, min(max(width, 1), MOST_SHIFT))
-CALLS["wrapu"] = lambda x, width: python_of(fixed.wrap_unsigned)(x, min(max(width, 1), MOST_SHIFT))
+REGISTER_OPERATIONS = ("held", "odd")  # nodes that are registers
+CALLS = {name: python_function(rule) for name, rule in fixed.ROUNDINGS.items()}
+CALLS["clamp"] = python_function(fixed.clamp)
+CALLS["wrap"] = lambda x, width: python_function(fixed.wrap)(x, min(max(width, 1), MOST_SHIFT))
+CALLS["wrapu"] = lambda x, width: python_function(fixed.wrap_unsigned)(x, min(max(width, 1), MOST_SHIFT))
 
 
-def _moved(x, places):
-    return sum((x >> place & 1) << k for k, place in enumerate(places))
+def _permute_int(x, bits):
+    return sum((x >> bit & 1) << k for k, bit in enumerate(bits))
 
 
-def _differs(found, want):
-    return found != want and any(b is not None and a != b for a, b in zip(found, want))
+def _differs(values, want):
+    return values != want and any(b is not None and a != b for a, b in zip(values, want))
 
 
 class _Source:
     """Lines that compute nodes; a node in the cone of the fault has a name of its own for each of its two values."""
 
-    def __init__(self, site=None, by=None, places=None):
-        self.site, self.by, self.lines, self.done, self.held = site, by, [], {}, []
-        self.places, self.tables = places, {}
+    def __init__(self, site=None, by=None, leaf_expressions=None):
+        self.site, self.by, self.lines, self.variables, self.added_registers = site, by, [], {}, []
+        self.leaf_expressions, self.tables = leaf_expressions, {}
 
     def name(self, node, faulty):
         """The variable that holds a node; lines are added where there is none yet."""
@@ -40,23 +40,23 @@ class _Source:
         if faulty and node is self.site:
             return self.name(self.by, False) if self.by else "put"
         key = node.id, faulty
-        if key not in self.done:
-            self.done[key] = self._made(node, faulty)
-        return self.done[key]
+        if key not in self.variables:
+            self.variables[key] = self._add_lines(node, faulty)
+        return self.variables[key]
 
-    def _made(self, node, faulty):
+    def _add_lines(self, node, faulty):
         if node.op == "const":
             return f"({node.value})"
         if node.op == "param":
             return f"({node.value[1]})"
         if node.op in ("reg", "in"):
-            return self.places[node.op, node.value] if self.places else f"{node.op}_{node.value}"
-        found = f"v{node.id}{'f' if faulty else ''}"
-        if node.op in KEPT:
+            return self.leaf_expressions[node.op, node.value] if self.leaf_expressions else f"{node.op}_{node.value}"
+        variable = f"v{node.id}{'f' if faulty else ''}"
+        if node.op in REGISTER_OPERATIONS:
             args = [self.name(a, False) for a in node.args]
             if node.op == "odd":
                 args[1:1] = [f"1 - held_{node.id}"]
-            self.held.append((node, args))
+            self.added_registers.append((node, args))
             return f"held_{node.id}"
         args = [self.name(a, faulty) for a in node.args]
         if node.op == "table":
@@ -66,8 +66,8 @@ class _Source:
             text = f"moved({args[0]}, {node.value})"
         else:
             text = OPERATIONS[node.op][1].format(*args)
-        self.lines.append(f"{found} = {text}")
-        return found
+        self.lines.append(f"{variable} = {text}")
+        return variable
 
 
 def _port(name, fmt):
@@ -79,52 +79,56 @@ def _port(name, fmt):
 
 def adds_a_register(net, node):
     """Whether something that stands for a site holds a value."""
-    return node.id >= net.own and (node.op in KEPT or any(adds_a_register(net, a) for a in node.args))
+    return node.id >= net.model_size and (
+        node.op in REGISTER_OPERATIONS or any(adds_a_register(net, a) for a in node.args)
+    )
 
 
-def value_of(net, node):
+def compile_node(net, node):
     """`by` of a node."""
     registers = [name for name, root in net.roots.items() if root.op == "next"]
-    places = {("reg", name): f"state[{k}]" for k, name in enumerate(registers)}
-    given = sorted({n.value for n in net.nodes[: net.own] if n.op == "in"})
-    source = _Source(places=places | {("in", name): f"inputs[{k}]" for k, name in enumerate(given)})
-    found = source.name(node, False)
+    leaf_expressions = {("reg", name): f"state[{k}]" for k, name in enumerate(registers)}
+    input_names = sorted({n.value for n in net.nodes[: net.model_size] if n.op == "in"})
+    source = _Source(
+        leaf_expressions=leaf_expressions | {("in", name): f"inputs[{k}]" for k, name in enumerate(input_names)}
+    )
+    result = source.name(node, False)
     body = [f"    {line}" for line in source.lines]
-    return _built(["def by(state, inputs):", *body, f"    return {found}"], source)["by"]
+    return _execute_lines(["def by(state, inputs):", *body, f"    return {result}"], source)["by"]
 
 
-def _built(lines, source):
-    names = {**CALLS, "moved": _moved, "differs": _differs, **source.tables}
+def _execute_lines(lines, source):
+    names = {**CALLS, "moved": _permute_int, "differs": _differs, **source.tables}
     exec(compile("\n".join(lines), "<hypothesis>", "exec"), names)
     return names
 
 
-def compiled(net, site, by, visible):
+def compile_block(net, site, by, visible):
     """(run, held nodes in the order of its argument); `visible` are registers and pins, `by` None for any node."""
     source = _Source(site, by)
     registers = [name for name, root in net.roots.items() if root.op == "next"]
-    seen = {}
+    port_variables = {}
     for name in visible:
         root = net.roots[name]
         node = net.node("reg", (), name) if root.op == "next" else root
-        seen[name] = source.name(node, True)
+        port_variables[name] = source.name(node, True)
     after = {name: source.name(net.roots[name], True) for name in registers}
-    given = sorted({n.value for n in net.nodes[: net.own] if n.op == "in"})
-    order = [node for node, _ in source.held]
+    input_names = sorted({n.value for n in net.nodes[: net.model_size] if n.op == "in"})
+    order = [node for node, _ in source.added_registers]
     lines = ["def run(by, state, held, inputs, first, last, want):"]
     lines += [f"    {', '.join(f'held_{n.id}' for n in order)}, = held"] if order else []
     lines += [
         "    for n in range(first, last):",
         f"        {', '.join(f'reg_{name}' for name in registers)}, = state",
         *(() if by else ("        put = by(state, inputs[n])",)),
-        f"        {', '.join(f'in_{name}' for name in given)}, = inputs[n]",
+        f"        {', '.join(f'in_{name}' for name in input_names)}, = inputs[n]",
     ]
     lines += [f"        {line}" for line in source.lines]
-    shown = ", ".join(_port(seen[name], net.fmts[name]) for name in visible)
-    lines.append(f"        if differs(({shown},), want[n]): return n")
-    for node, (load, x, rst) in source.held:
+    port_values = ", ".join(_port(port_variables[name], net.fmts[name]) for name in visible)
+    lines.append(f"        if differs(({port_values},), want[n]): return n")
+    for node, (load, x, rst) in source.added_registers:
         lines.append(f"        next_{node.id} = {node.value or 0} if {rst} else {x} if {load} else held_{node.id}")
     lines.append("        state = (" + ", ".join(_port(after[name], net.fmts[name]) for name in registers) + ",)")
     lines += [f"        held_{n.id} = next_{n.id}" for n in order]
     lines.append("    return last")
-    return _built(lines, source)["run"], order
+    return _execute_lines(lines, source)["run"], order

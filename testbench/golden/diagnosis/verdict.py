@@ -11,12 +11,12 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
-from testbench.golden.diagnosis.of_data import BEYOND
 from testbench.golden.diagnosis.perturb import WORDS
 from testbench.golden.diagnosis.search import ALWAYS, EITHER, LEAST_PRECISION, RESET, SAME
+from testbench.golden.diagnosis.value_hypotheses import UNCLASSIFIED
 
 SURE = 0.99  # share from which a cause is certain
-WHOLE = 0.99  # share from which a register needs no further cause
+COMPLETE_SHARE = 0.99  # share from which a register needs no further cause
 MOST_LISTED = 8
 MOST_RANKED = 150
 HEADS = 3  # registers that are searched together, the first at fault
@@ -26,7 +26,7 @@ CERTAIN_BITS = 24.0  # the same for a certain name
 MOST_CERTAIN = 11  # cost beyond which a mistake is too rare or complicated to be certain
 
 # classes that wrong rows tell from others where they show less than values
-TOLD = {
+IDENTIFIED_CLASSES = {
     RESET: ("reset", "no_reset", "async_reset"),
     ALWAYS: (),
     EITHER: ("condition",),
@@ -53,7 +53,7 @@ class Cause(NamedTuple):
         return f"{self.cause}: {WORDS[self.cause]} ({self.register}: {self.what}; share {100 * self.share:.0f} %)"
 
 
-class _Whole(NamedTuple):
+class _HypothesisFits(NamedTuple):
     """A hypothesis with its fits at the targets that it covers."""
 
     fits: dict
@@ -65,8 +65,8 @@ class _Whole(NamedTuple):
     @property
     def rank(self):
         """What explains all wrong rows of its registers goes first, then what explains more, then what costs less."""
-        whole = all(fit.share == 1.0 for fit in self.fits.values())
-        return (not whole, -round(self.total, 2), self.hypothesis.cost, self.hypothesis.site.id)
+        is_complete = all(fit.share == 1.0 for fit in self.fits.values())
+        return (not is_complete, -round(self.total, 2), self.hypothesis.cost, self.hypothesis.site.id)
 
     @property
     def total(self):
@@ -79,40 +79,40 @@ def _disturbs(search, hypothesis):
         if target.name in search.faulty or not target.root.cone >> hypothesis.site.id & 1:
             continue
         fit = search.fit(target, hypothesis)
-        if (target.judged & (fit.column != target.sound)).any():
+        if (target.compared_rows & (fit.column != target.sound)).any():
             return True
     return False
 
 
-def _grouped(fits, names):
+def _group_fits(fits, names):
     """Hypotheses by what they cover of `names`, the best first."""
-    found = {}
+    fits_by_key = {}
     for name in names:
         for fit in fits[name]:
-            found.setdefault(fit.key, {})[name] = fit
-    wholes = [_Whole(part) for part in found.values()]
-    return sorted(wholes, key=lambda w: w.rank)
+            fits_by_key.setdefault(fit.key, {})[name] = fit
+    candidates = [_HypothesisFits(part) for part in fits_by_key.values()]
+    return sorted(candidates, key=lambda w: w.rank)
 
 
-def _rivals(search, best, wholes):
+def _rival_candidates(search, best, candidates):
     """The best and what explains as much with another cause, whatever it costs: one for each cause, the best first."""
-    found, careful = {best.hypothesis.cause: best}, not _disturbs(search, best.hypothesis)
-    for whole in wholes:
-        if whole.rank[:2] > best.rank[:2]:
+    rivals, careful = {best.hypothesis.cause: best}, not _disturbs(search, best.hypothesis)
+    for candidate in candidates:
+        if candidate.rank[:2] > best.rank[:2]:
             break
-        cause = whole.hypothesis.cause
-        if cause not in found and not (careful and _disturbs(search, whole.hypothesis)):
-            found[cause] = whole
-    return list(found.values())
+        cause = candidate.hypothesis.cause
+        if cause not in rivals and not (careful and _disturbs(search, candidate.hypothesis)):
+            rivals[cause] = candidate
+    return list(rivals.values())
 
 
-def _told(search, best, wholes, names):
+def _is_class_identified(search, best, candidates, names):
     """Whether the wrong rows of one of the registers tell the class of the best from those without a hypothesis."""
     cause = best.hypothesis.cause
-    same = [w for w in wholes if w.hypothesis.cause == cause and w.rank[:2] <= best.rank[:2]]
-    if all(w.hypothesis.fitted for w in same):
+    alternatives = [w for w in candidates if w.hypothesis.cause == cause and w.rank[:2] <= best.rank[:2]]
+    if all(w.hypothesis.fitted for w in alternatives):
         return False
-    return any(cause in TOLD.get(search.shown(name), (cause,)) for name in names)
+    return any(cause in IDENTIFIED_CLASSES.get(search.difference_kind(name), (cause,)) for name in names)
 
 
 def _enough(search, names, spare):
@@ -121,63 +121,69 @@ def _enough(search, names, spare):
     return sum(search.evidence(name) for name in names) >= log2(max(tried, 1)) + spare
 
 
-def _extended(search, best, names):
+def _extend_fits(search, best, names):
     """The best with those of `names` that it explains as well."""
     fits = dict(best.fits)
     for name in names:
         if name not in fits:
             fit = search.fit(search.targets[name], best.hypothesis)
-            if fit.share >= WHOLE and fit.precision >= LEAST_PRECISION:
+            if fit.share >= COMPLETE_SHARE and fit.precision >= LEAST_PRECISION:
                 fits[name] = fit
-    return _Whole(fits)
+    return _HypothesisFits(fits)
 
 
-def causes(search, others_at_fault=()):
+def rank_causes(search, first_row_registers=()):
     """[Cause] of a `Search`, in order of rank; `others_at_fault`: registers wrong in row 0 alone."""
-    fits, first, others = {}, [], []
-    count = len({*search.faulty, *others_at_fault})
+    fits, primary, secondary = {}, [], []
+    count = len({*search.faulty, *first_row_registers})
     open_names = list(search.faulty)
     while open_names and len(fits) < MOST_SEARCHED:
         heads = open_names[:HEADS]
-        fits |= {name: search.fits(name) for name in heads if name not in fits}
-        wholes = _grouped(fits, heads)
-        listable = [w for w in wholes if w.hypothesis.cause != BEYOND]
+        fits |= {name: search.ranked_fits(name) for name in heads if name not in fits}
+        candidates = _group_fits(fits, heads)
+        listable = [w for w in candidates if w.hypothesis.cause != UNCLASSIFIED]
         if not listable:
             open_names = open_names[HEADS:]
             continue
         best = next((w for w in listable[:MOST_RANKED] if not _disturbs(search, w.hypothesis)), listable[0])
         if best.rank[0] > listable[0].rank[0]:
             best = listable[0]
-        rivals, listed = _rivals(search, best, wholes), []
-        covered = _extended(search, best, open_names).fits
+        rivals, reported_causes = _rival_candidates(search, best, candidates), []
+        covered = _extend_fits(search, best, open_names).fits
         # what gives another value in a row where the design is right is not the whole truth
         refuted = any(fit.precision < 1.0 for fit in covered.values())
         part = float(sum(fit.share for fit in covered.values())) / count / (len(rivals) + refuted)
         cheap = best.hypothesis.cost <= MOST_CERTAIN
-        told = cheap and _told(search, best, wholes, covered) and _enough(search, best.fits, CERTAIN_BITS)
-        if len(rivals) == 1 and not refuted and not told:
+        is_identified = (
+            cheap
+            and _is_class_identified(search, best, candidates, covered)
+            and _enough(search, best.fits, CERTAIN_BITS)
+        )
+        if len(rivals) == 1 and not refuted and not is_identified:
             part /= 2
-        for whole in rivals:
-            if whole.hypothesis.cause != BEYOND and _enough(search, whole.fits, SPARE_BITS):
-                listed.append(Cause(whole.hypothesis.cause, next(iter(whole.fits)), part, whole.hypothesis.what))
+        for candidate in rivals:
+            if candidate.hypothesis.cause != UNCLASSIFIED and _enough(search, candidate.fits, SPARE_BITS):
+                reported_causes.append(
+                    Cause(candidate.hypothesis.cause, next(iter(candidate.fits)), part, candidate.hypothesis.what)
+                )
         more = [
             _second(search, n, best.hypothesis, (1 - fit.share) / count)
             for n, fit in best.fits.items()
-            if fit.share < WHOLE
+            if fit.share < COMPLETE_SHARE
         ]
         # a part of the wrong rows counts only if a second fault explains the others
         if all(more):
-            first += listed[:1]
-            others += [*more, *listed[1:]]
+            primary += reported_causes[:1]
+            secondary += [*more, *reported_causes[1:]]
         open_names = [name for name in open_names if name not in covered]
-    first.sort(key=lambda cause: search.faulty.index(cause.register))
-    return (first + others)[:MOST_LISTED]
+    primary.sort(key=lambda cause: search.faulty.index(cause.register))
+    return (primary + secondary)[:MOST_LISTED]
 
 
 def _second(search, name, hypothesis, share):
     """The second fault of a register that explains, beside a first one, all of its wrong rows; or None."""
-    for fit in search.fits(name, ((hypothesis.site, hypothesis.by),))[:1]:
-        if fit.share >= WHOLE:
+    for fit in search.ranked_fits(name, ((hypothesis.site, hypothesis.by),))[:1]:
+        if fit.share >= COMPLETE_SHARE:
             return Cause(fit.hypothesis.cause, name, float(share), fit.hypothesis.what)
     return None
 
@@ -189,13 +195,15 @@ def hidden_causes(search, every=False):
     """
     if not search.wrong.any():
         return []
-    explained = [(h, search.driven(h)) for h, share in search.explained() if share == 1.0]
+    explained = [(h, search.affected_port(h)) for h, share in search.hypothesis_shares() if share == 1.0]
     first = {}
     for h, port in explained:
         first.setdefault((h.cause, port), h)
-    at_once = search.at_once()
+    async_port = search.async_reset_port()
     # what was not run, and what is read off the rows of registers, may explain the rows as well
-    part = 1.0 / (len(first) + 1 + (at_once is not None))
-    listed = [Cause("async_reset", at_once, part, "all registers at once")] if at_once else []
-    listed += [Cause(h.cause, port, part, h.what) for h, port in explained if every or first[h.cause, port] is h]
-    return listed if every else listed[:MOST_LISTED]
+    part = 1.0 / (len(first) + 1 + (async_port is not None))
+    reported_causes = [Cause("async_reset", async_port, part, "all registers at once")] if async_port else []
+    reported_causes += [
+        Cause(h.cause, port, part, h.what) for h, port in explained if every or first[h.cause, port] is h
+    ]
+    return reported_causes if every else reported_causes[:MOST_LISTED]

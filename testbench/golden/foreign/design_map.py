@@ -84,96 +84,101 @@ class _Reader:
     def refuse(self, text):
         raise FileError(f"{self.path}: {text}")
 
-    def need(self, ok, key, value, limit):
+    def require(self, ok, key, value, limit):
         if not ok:
             self.refuse(f"{key}: {value!r} is not {limit}")
 
     def table(self, name):
-        found = self.tree.get(name, {})
-        self.need(isinstance(found, dict), name, found, "a table")
-        return found
+        table = self.tree.get(name, {})
+        self.require(isinstance(table, dict), name, table, "a table")
+        return table
 
-    def known(self, where, name, names):
+    def require_name(self, where, name, names):
         if name not in names:
-            near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(list(names)[:12]) or 'none'}"
+            similar = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+            hint = f"did you mean {similar[0]}?" if similar else f"there is {', '.join(list(names)[:12]) or 'none'}"
             self.refuse(f"[{where}]: {self.manifest['block']} has no {name}; {hint}")
 
     def head(self):
         """Schema, names of tables and of their keys; (top, library, clock, reset, style)."""
         tree = self.tree
-        self.need(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
+        self.require(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
         allowed = ("schema", "top", "library", *TABLES)
         for key in tree:
-            self.need(key in allowed, "key", key, f"one of {', '.join(allowed)}")
+            self.require(key in allowed, "key", key, f"one of {', '.join(allowed)}")
             for name in self.table(key) if TABLES.get(key) else ():
-                self.need(name in TABLES[key], f"{key} key", name, f"one of {', '.join(TABLES[key])}")
+                self.require(name in TABLES[key], f"{key} key", name, f"one of {', '.join(TABLES[key])}")
         top, clock, reset = tree.get("top", f"gyro_{self.manifest['block']}"), self.table("clock"), self.table("reset")
         style = reset.get("style", "sync")
-        self.need(style in STYLES, "reset.style", style, f"one of {', '.join(STYLES)}")
+        self.require(style in STYLES, "reset.style", style, f"one of {', '.join(STYLES)}")
         library = tree.get("library", LIBRARY)
-        named = {"top": top, "library": library, "clock.port": clock.get("port", "clk")}
+        identifiers = {"top": top, "library": library, "clock.port": clock.get("port", "clk")}
         if style != "none":
-            named["reset.port"] = reset.get("port", "rst")
-        for key, name in named.items():
-            self.need(isinstance(name, str) and NAME.fullmatch(name), key, name, "a name")
+            identifiers["reset.port"] = reset.get("port", "rst")
+        for key, name in identifiers.items():
+            self.require(isinstance(name, str) and NAME.fullmatch(name), key, name, "a name")
         active = reset.get("active", 1)
-        self.need(type(active) is int and active in (0, 1), "reset.active", active, "0 or 1")
-        return top, library, named["clock.port"], (named.get("reset.port", ""), active), style
+        self.require(type(active) is int and active in (0, 1), "reset.active", active, "0 or 1")
+        return top, library, identifiers["clock.port"], (identifiers.get("reset.port", ""), active), style
 
-    def port(self, key, given, width):
+    def port(self, key, raw_entry, width):
         """`Port` of an entry of [inputs] or [outputs], of a bundle's port of `width` bits."""
-        entry = {"port": given} if isinstance(given, str) else given
-        self.need(isinstance(entry, dict) and "port" in entry, key, given, "a port, or a table with port")
+        entry = {"port": raw_entry} if isinstance(raw_entry, str) else raw_entry
+        self.require(isinstance(entry, dict) and "port" in entry, key, raw_entry, "a port, or a table with port")
         for name in entry:
-            self.need(
+            self.require(
                 name in ("port", "width", "invert", "type"), f"{key}: key", name, "one of port, width, invert, type"
             )
         if entry["port"] == "":
             return Port("", width)
-        found = PORT.fullmatch(entry["port"]) if isinstance(entry["port"], str) else None
-        self.need(found, key, entry["port"], "a name, name[bit] or name[high:low]")
-        hi, lo = (None if k is None else int(k) for k in found.groups()[1:])
+        match = PORT.fullmatch(entry["port"]) if isinstance(entry["port"], str) else None
+        self.require(match, key, entry["port"], "a name, name[bit] or name[high:low]")
+        hi, lo = (None if k is None else int(k) for k in match.groups()[1:])
         lo = hi if lo is None else lo
         if hi is not None and hi < lo:
             self.refuse(f"{key}: slice {entry['port']}: {hi} is below {lo}")
-        own = entry.get("width", width if hi is None else hi - lo + 1)
-        self.need(type(own) is int and 0 < own <= MOST_WIDTH, f"{key}: width", own, f"1 .. {MOST_WIDTH} bits")
-        if hi is not None and hi - lo + 1 != own:
-            self.refuse(f"{key}: {entry['port']} has {hi - lo + 1} bits, its width is {own}")
+        port_width = entry.get("width", width if hi is None else hi - lo + 1)
+        self.require(
+            type(port_width) is int and 0 < port_width <= MOST_WIDTH,
+            f"{key}: width",
+            port_width,
+            f"1 .. {MOST_WIDTH} bits",
+        )
+        if hi is not None and hi - lo + 1 != port_width:
+            self.refuse(f"{key}: {entry['port']} has {hi - lo + 1} bits, its width is {port_width}")
         invert, kind = entry.get("invert", False), entry.get("type", "")
-        self.need(type(invert) is bool, f"{key}: invert", invert, "true or false")
-        self.need(kind in ("", *TYPES), f"{key}: type", kind, f"one of {', '.join(TYPES)}")
-        return Port(found[1], own, hi, lo, invert, kind)
+        self.require(type(invert) is bool, f"{key}: invert", invert, "true or false")
+        self.require(kind in ("", *TYPES), f"{key}: type", kind, f"one of {', '.join(TYPES)}")
+        return Port(match[1], port_width, hi, lo, invert, kind)
 
     def inputs(self):
         ports = self.manifest["inputs"][1:]
-        listed = self.table("inputs")
-        for name in listed:
-            self.known("inputs", name, [p["name"] for p in ports])
+        entries = self.table("inputs")
+        for name in entries:
+            self.require_name("inputs", name, [p["name"] for p in ports])
         return tuple(
-            (p, self.port(f"[inputs] {p['name']}", listed.get(p["name"], p["name"]), p["width"])) for p in ports
+            (p, self.port(f"[inputs] {p['name']}", entries.get(p["name"], p["name"]), p["width"])) for p in ports
         )
 
     def outputs(self, level):
         every = levels.compared_ports(self.manifest, "registers")
-        named = {name: name for name, _ in every}
+        port_names = {name: name for name, _ in every}
         for ports in (every, levels.compared_ports(self.manifest, level)):
             bare = [p["name"] for _, p in ports]
-            named |= {p["name"]: name for name, p in ports if bare.count(p["name"]) == 1}
-        listed = {}
-        for name, given in self.table("outputs").items():
-            self.known("outputs", name, named)
-            if named[name] in listed:
-                self.refuse(f"[outputs]: {name} and {named[name]} are the same port")
-            listed[named[name]] = given
-        found = []
+            port_names |= {p["name"]: name for name, p in ports if bare.count(p["name"]) == 1}
+        entries = {}
+        for name, raw_entry in self.table("outputs").items():
+            self.require_name("outputs", name, port_names)
+            if port_names[name] in entries:
+                self.refuse(f"[outputs]: {name} and {port_names[name]} are the same port")
+            entries[port_names[name]] = raw_entry
+        output_ports = []
         for name, p in levels.compared_ports(self.manifest, level):
-            port = self.port(f"[outputs] {name}", listed.get(name, name), p["width"])
+            port = self.port(f"[outputs] {name}", entries.get(name, name), p["width"])
             if not port.name:
                 self.refuse(f'[outputs] {name}: "" maps to nothing; level {level} judges this port')
-            found.append((name, p, port))
-        return tuple(found)
+            output_ports.append((name, p, port))
+        return tuple(output_ports)
 
     def parameters(self):
         names = [name for name, _ in rtl_parameters(self.manifest)] + [
@@ -182,53 +187,55 @@ class _Reader:
         names += levels.roms(self.manifest)
         used = [name for name in names if name not in self.manifest.get("unused_params", ())]
         names += [p["name"] for p in levels.omitted_params(self.manifest)]
-        listed = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))
-        found = []
-        for name, given in listed.items():
-            self.known("parameters", name, names)
-            entry = {"name": given} if isinstance(given, str) else given
+        entries = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))
+        parameters = []
+        for name, raw_entry in entries.items():
+            self.require_name("parameters", name, names)
+            entry = {"name": raw_entry} if isinstance(raw_entry, str) else raw_entry
             ok = isinstance(entry, dict) and set(entry) <= {"name", "type"} and isinstance(entry.get("name"), str)
-            self.need(ok, f"[parameters] {name}", given, "a name, or a table of name and type")
-            self.need(NAME.fullmatch(entry["name"]), f"[parameters] {name}", entry["name"], "a name")
+            self.require(ok, f"[parameters] {name}", raw_entry, "a name, or a table of name and type")
+            self.require(NAME.fullmatch(entry["name"]), f"[parameters] {name}", entry["name"], "a name")
             kinds = ("", *TYPES, "integer")
             kind = entry.get("type", "")
-            self.need(kind in kinds, f"[parameters] {name}: type", kind, f"one of {', '.join(kinds[1:])}")
-            found.append((name, entry["name"], kind))
-        return tuple(found)
+            self.require(kind in kinds, f"[parameters] {name}: type", kind, f"one of {', '.join(kinds[1:])}")
+            parameters.append((name, entry["name"], kind))
+        return tuple(parameters)
 
     def numbers(self, key):
         for name, value in self.table(key).items():
-            self.need(NAME.fullmatch(name), f"[{key}]", name, "a name")
-            self.need(
+            self.require(NAME.fullmatch(name), f"[{key}]", name, "a name")
+            self.require(
                 type(value) is int and abs(value) < 1 << 31, f"[{key}] {name}", value, "a whole number of 32 bits"
             )
         return tuple(self.table(key).items())
 
 
-def _single_drivers(read, found):
+def _check_single_drivers(read, port_map):
     """Refuse an input of the design, or a bit of it, that is driven twice."""
-    driven = {found.clock: {None: "[clock]"}}
+    driven = {port_map.clock: {None: "[clock]"}}
 
     def drive(name, bits, who):
-        taken = driven.setdefault(name, {})
-        clash = next((k for k in taken if k is None or bits is None or k in bits), "free")
+        drivers = driven.setdefault(name, {})
+        clash = next((k for k in drivers if k is None or bits is None or k in bits), "free")
         if clash != "free":
-            read.refuse(f"port {name} of the design has two drivers: {taken[clash]} and {who}")
-        taken.update(dict.fromkeys([None] if bits is None else bits, who))
+            read.refuse(f"port {name} of the design has two drivers: {drivers[clash]} and {who}")
+        drivers.update(dict.fromkeys([None] if bits is None else bits, who))
 
-    if found.reset[0]:
-        drive(found.reset[0], None, "[reset]")
-    for p, port in found.inputs:
+    if port_map.reset[0]:
+        drive(port_map.reset[0], None, "[reset]")
+    for p, port in port_map.inputs:
         if port.name:
             drive(port.name, None if port.hi is None else range(port.lo, port.hi + 1), f"[inputs] {p['name']}")
-    for name, _ in found.ties:
+    for name, _ in port_map.ties:
         drive(name, None, "[ties]")
-    seen = {}
-    for name, own, _ in (*found.parameters, *((n, n, "") for n, _ in found.constants)):
-        if own in seen:
-            read.refuse(f"parameter {own} of the design has two values: of {seen[own]} and of {name}")
-        seen[own] = name
-    for name, _, port in found.outputs:
+    bundle_names = {}
+    for name, design_name, _ in (*port_map.parameters, *((n, n, "") for n, _ in port_map.constants)):
+        if design_name in bundle_names:
+            read.refuse(
+                f"parameter {design_name} of the design has two values: of {bundle_names[design_name]} and of {name}"
+            )
+        bundle_names[design_name] = name
+    for name, _, port in port_map.outputs:
         if port.name in driven:
             who = next(iter(driven[port.name].values()))
             read.refuse(f"port {port.name} of the design is an input of {who} and an output, {name}")
@@ -241,9 +248,9 @@ def read(path, manifest, level, top=None):
     top   name of the design's module or entity, before that of the map
     """
     reader = _Reader(path, manifest)
-    own, library, clock, reset, style = reader.head()
-    found = DesignMap(
-        top=top or own,
+    map_top, library, clock, reset, style = reader.head()
+    port_map = DesignMap(
+        top=top or map_top,
         library=library,
         clock=clock,
         reset=reset,
@@ -254,5 +261,5 @@ def read(path, manifest, level, top=None):
         constants=reader.numbers("constants"),
         ties=reader.numbers("ties"),
     )
-    _single_drivers(reader, found)
-    return found
+    _check_single_drivers(reader, port_map)
+    return port_map

@@ -37,18 +37,18 @@ class Sources(NamedTuple):
         return "vhdl" if self.files[-1].suffix in VHDL else "verilog"
 
 
-def of_folder(rtl, stem):
+def folder_sources(rtl, stem):
     """Sources of a block in a folder, the blocks within it first; FileError where there is none."""
     rtl = Path(rtl)
     if not rtl.is_dir():
         raise FileError(f"{rtl}: not a folder")
-    found = [suffix for suffix in (*VERILOG, *VHDL) if (rtl / f"{stem}{suffix}").is_file()]
-    return [_of_suffix(rtl, stem, suffix) for suffix in found]
+    suffixes = [suffix for suffix in (*VERILOG, *VHDL) if (rtl / f"{stem}{suffix}").is_file()]
+    return [_suffix_sources(rtl, stem, suffix) for suffix in suffixes]
 
 
-def _of_suffix(rtl, stem, suffix):
-    same = VHDL if suffix in VHDL else VERILOG
-    parts = [rtl / f"{part}{own}" for part in PARTS.get(stem, ()) for own in same]
+def _suffix_sources(rtl, stem, suffix):
+    suffixes = VHDL if suffix in VHDL else VERILOG
+    parts = [rtl / f"{part}{extension}" for part in PARTS.get(stem, ()) for extension in suffixes]
     files = tuple(path.resolve() for path in (*parts, rtl / f"{stem}{suffix}") if path.is_file())
     return Sources(files, ("",) * len(files), tuple(dict.fromkeys(path.parent for path in files)))
 
@@ -59,51 +59,51 @@ class _Lists:
     def __init__(self):
         self.files, self.includes, self.defines, self.library = [], [], [], ""
 
-    def read(self, path, within=()):
+    def read(self, path, enclosing=()):
         path = Path(path)
-        if path.resolve() in within:
+        if path.resolve() in enclosing:
             raise FileError(f"{path}: the list names itself")
-        if len(within) == MOST_LISTS:
+        if len(enclosing) == MOST_LISTS:
             raise FileError(f"{path}: more than {MOST_LISTS} lists, one within the other")
         for number, line in read_lines(path):
             words = re.sub(r"(^|\s)(//|#|--\s|--$).*", "", line).split()
             while words:
-                self.word(words, path, f"{path}: line {number}", (*within, path.resolve()))
+                self.word(words, path, f"{path}: line {number}", (*enclosing, path.resolve()))
 
-    def word(self, words, path, where, within):
+    def word(self, words, path, where, enclosing):
         word = words.pop(0)
         if word in ("-f", "-F", "-work", "-I", "-D") and not words:
             raise FileError(f"{where}: {word} needs a value")
         if word in ("-f", "-F"):
-            self.read(self.seen(words.pop(0), path, where), within)
+            self.read(self.resolve_path(words.pop(0), path, where), enclosing)
         elif word == "-work" or word.startswith("--work="):
             self.library = words.pop(0) if word == "-work" else word.partition("=")[2]
             if not NAME.fullmatch(self.library):
                 raise FileError(f"{where}: {self.library!r} is no name of a library")
         elif word.startswith(("+incdir+", "-I")):
-            given = word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
-            self.includes += [self.seen(name, path, where, folder=True) for name in given]
+            values = word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
+            self.includes += [self.resolve_path(name, path, where, folder=True) for name in values]
         elif word.startswith(("+define+", "-D")):
             self.defines += word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
         elif word[0] in "+-":
             raise FileError(f"{where}: {word} is none of +incdir+, +define+, -I, -D, -work, -f")
         else:
-            found = self.seen(word, path, where)
-            if found.suffix in HEADERS:
-                self.includes.append(found.parent)
-            elif found.suffix in (*VERILOG, *VHDL):
-                self.files.append((found, self.library))
+            source_path = self.resolve_path(word, path, where)
+            if source_path.suffix in HEADERS:
+                self.includes.append(source_path.parent)
+            elif source_path.suffix in (*VERILOG, *VHDL):
+                self.files.append((source_path, self.library))
             else:
                 raise FileError(f"{where}: {word} does not end in {', '.join((*VERILOG, *VHDL, *HEADERS))}")
 
-    def seen(self, name, path, where, folder=False):
-        found = path.parent / os.path.expandvars(name)
-        if not (found.is_dir() if folder else found.is_file()):
-            raise FileError(f"{where}: no {'folder' if folder else 'file'} {found}")
-        return found.resolve()
+    def resolve_path(self, name, path, where, folder=False):
+        candidate = path.parent / os.path.expandvars(name)
+        if not (candidate.is_dir() if folder else candidate.is_file()):
+            raise FileError(f"{where}: no {'folder' if folder else 'file'} {candidate}")
+        return candidate.resolve()
 
 
-def of_list(path):
+def read_source_list(path):
     """Sources of a list; FileError names the list, the line and what is wrong with it."""
     lists = _Lists()
     lists.read(path)

@@ -12,7 +12,7 @@ import numpy as np
 
 from analog_frontend.parts import adc_serial
 from fpga_model import top
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from testbench.golden.loop import library
 
 FRAMES = 4
@@ -43,7 +43,7 @@ def simulate_continuation(design, chip, stimulus, row, record):
 
     stimulus  `Stimulus`, repeated
     """
-    count, step = FRAMES * record.frame_clocks, python_of(adc_serial.step)
+    count, step = FRAMES * record.frame_clocks, python_function(adc_serial.step)
     inputs, values = np.zeros((count, len(library.INPUTS)), np.int64), np.zeros((count, len(library.NAMES)), np.int64)
     conversions = {c[0]: c[1:] for c in stimulus.adc[stimulus.adc[:, 0] >= row].tolist()}
     none = (0,) * (1 + adc_serial.CHANNELS)

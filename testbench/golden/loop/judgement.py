@@ -52,8 +52,8 @@ def pass_caveat():
     missed_text = ", ".join(
         f"{kind} {detected} of {planted}" for _, kind, planted, detected in missed if detected < planted
     )
-    faults, seen = planted_counts["faults"], planted_counts["seen"]
-    return f"{NOT_SHOWN} Of {faults} planted faults a loop of pins saw {seen}: {missed_text}."
+    faults, detections = planted_counts["faults"], planted_counts["seen"]
+    return f"{NOT_SHOWN} Of {faults} planted faults a loop of pins saw {detections}: {missed_text}."
 
 
 class Line(NamedTuple):
@@ -179,7 +179,7 @@ def _rates(model, yours, stretches):
     ]
 
 
-def judge(config, firmware, model, yours, stretches):
+def assess_design(config, firmware, model, yours, stretches):
     """`Verdict` on a design from two `pin_meter.Measured`.
 
     stretches  `pin_meter.Plateau`s of the scenario

@@ -31,11 +31,11 @@ from fpga_model.fixed import formats
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
-from testbench.golden.foreign import design_map, wrapper
-from testbench.golden.foreign.sources import of_list
+from testbench.golden.foreign import adapter, design_map
+from testbench.golden.foreign.sources import read_source_list
 from testbench.golden.loop.from_vhdl import synthesise_vhdl
 from testbench.golden.recording import board, board_pins
-from testbench.golden.stimulus.blocks import RESET_INPUT, flat
+from testbench.golden.stimulus.blocks import RESET_INPUT, port_name
 from testbench.storage.files import write_text
 from testbench.tool import run_tool
 
@@ -45,7 +45,7 @@ PINS = top.Pins._fields
 REGISTERS = tuple(name for name, _ in format_leaves(top.STATE_FMT))
 NAMES = (*REGISTERS, *PINS)
 ALL = range(len(NAMES))
-PORTS = (*(f"r_{flat(name)}" for name in REGISTERS), *(f"o_{name}" for name in PINS))
+PORTS = (*(f"r_{port_name(name)}" for name in REGISTERS), *(f"o_{name}" for name in PINS))
 # Bit at which each pin begins in the word that `gyro_edge` returns: refs, of four bits, comes behind the others
 REFS_AT = len(PINS)
 LDACS = ("r_drive_dac_ldac_n", "r_quadrature_dac_ldac_n")
@@ -259,8 +259,8 @@ def write_map_wrapper(face, path, top, folder):
     port_manifest = manifest(face)
     port_map = design_map.read(path, port_manifest, "pins", top)
     wrapper_path = Path(folder).resolve() / "wrapper.v"
-    write_text(wrapper_path, wrapper.verilog(port_manifest, port_map))
-    return face._replace(top=wrapper.name_of(port_manifest)), wrapper_path, port_map.top
+    write_text(wrapper_path, adapter.verilog(port_manifest, port_map))
+    return face._replace(top=adapter.adapter_name(port_manifest)), wrapper_path, port_map.top
 
 
 def user_sources(rtl, name, files=None, folder="."):
@@ -270,7 +270,7 @@ def user_sources(rtl, name, files=None, folder="."):
     """
     rtl = Path(rtl).resolve()
     if files is not None:
-        design_sources = of_list(files)
+        design_sources = read_source_list(files)
         if design_sources.language == "vhdl":
             return [synthesise_vhdl(design_sources, name, folder, files)]
         return [

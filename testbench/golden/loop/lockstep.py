@@ -152,8 +152,8 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
         if tick - begin < rtl.samples.shape[0]:
             store(rtl.samples[tick - begin], (sample_x, sample_y))
         if p.fpga.digital:
-            a.sar[0] = engine.taken_sample(faults, 0, plant.sar_code(p.plant, a, tick, 0), sample_x)
-            a.sar[1] = engine.taken_sample(faults, 1, plant.sar_code(p.plant, a, tick, 1), sample_y)
+            a.sar[0] = engine.faulted_sample(faults, 0, plant.sar_code(p.plant, a, tick, 0), sample_x)
+            a.sar[1] = engine.faulted_sample(faults, 1, plant.sar_code(p.plant, a, tick, 1), sample_y)
         codes = engine.sent_codes(word_bits, faults, a.adc.clock, engine.codes_before(chips))
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(clocks):

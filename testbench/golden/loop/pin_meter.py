@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.run import nodes
-from testbench.run.tally import amplitude_m
+from testbench.run.run_statistics import amplitude_m
 
 BLOCK_S = 1e-3
 PARTS = 8  # of a plateau, whose scatter gives the sigma of a lag

@@ -305,7 +305,7 @@ def judge_captures(config, firmware, yours, model):
     record, limits = firmware.design, judgement.lock_limits(config, firmware)
     timeline = scenario.expand(config.scenario, record)
     end = min((event.tick for event in timeline.events), default=timeline.ticks)
-    rates_dps = np.degrees(timeline.rate_rad_s.at(0, min(end // record.frame_ticks, timeline.frames)))
+    rates_dps = np.degrees(timeline.rate_rad_s.frame_values(0, min(end // record.frame_ticks, timeline.frames)))
     stretches, *locks = pin_meter.find_plateaus(rates_dps, record, (yours, model), limits)
     if len({s.rate_dps for s in stretches}) < 2 and min(locks) >= 0:
         raise ConfigError(
@@ -316,7 +316,7 @@ def judge_captures(config, firmware, yours, model):
         pin_meter.measure(capture, record, stretches, lock, grid)
         for capture, lock in zip((yours, model), locks, strict=True)
     ]
-    return judgement.judge(config, firmware, measurements[1], measurements[0], stretches)
+    return judgement.assess_design(config, firmware, measurements[1], measurements[0], stretches)
 
 
 def judge_design(config, design, firmware, progress=None):
@@ -351,7 +351,7 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=No
             progress("building the design", 0, 1)
         folder = folder or temporary
         if pins is not None:
-            face = library.pin_face(pins.top, firmware, chips.parts(chips.of(config.design)))
+            face = library.pin_face(pins.top, firmware, chips.parts(chips.design_chips(config.design)))
             at, name, more = rtl, pins.top, []
             if pins.map:
                 face, wrapped, name = library.write_map_wrapper(face, pins.map, pins.top, folder)

@@ -22,7 +22,7 @@ from typing import NamedTuple
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import design_entry
 from testbench.golden.bundles.benches import layout
-from testbench.golden.foreign import design_map, sources, wrapper
+from testbench.golden.foreign import adapter, design_map, sources
 from testbench.golden.foreign.choice import AS_OURS
 from testbench.golden.stimulus import blocks, levels
 from testbench.tool import run_tool
@@ -115,17 +115,17 @@ def _design(block, case, rtl, choice):
         if port_map.style == "none":
             raise ConfigError(f"{choice.map}: reset.style: 'none': an induction begins with a reset")
     if choice.files is not None:
-        candidate_sources = [sources.of_list(choice.files)]
+        candidate_sources = [sources.read_source_list(choice.files)]
     else:
-        candidate_sources = sources.of_folder(rtl, block.stem) or (
-            sources.of_folder(rtl, port_map.top) if port_map else []
+        candidate_sources = sources.folder_sources(rtl, block.stem) or (
+            sources.folder_sources(rtl, port_map.top) if port_map else []
         )
     candidate_sources = [candidate for candidate in candidate_sources if candidate.language == "verilog"]
     if not candidate_sources:
         raise FileError(f"{choice.files or rtl}: no {block.stem}.v or .sv; a proof reads Verilog")
     if port_map is None:
         return _Design(candidate_sources[0], ports, block.module, "")
-    return _Design(candidate_sources[0], ports, wrapper.name_of(manifest), wrapper.verilog(manifest, port_map))
+    return _Design(candidate_sources[0], ports, adapter.adapter_name(manifest), adapter.verilog(manifest, port_map))
 
 
 def _top(block, case, checker, design):
@@ -141,7 +141,7 @@ def _top(block, case, checker, design):
         if widths.get(name) != width:
             raise FileError(f"{block.stem}: the properties speak of a port {name} of {width} bits; there is none")
 
-    def instance(module, label, names, parameters):
+    def module_instance(module, label, names, parameters):
         values = ", ".join(f".{name}({width}'h{raw:x})" for name, width, raw in parameters)
         ports = ", ".join(f".{name}({name})" for name in names)
         return f"    {module} #({values}) {label} ({ports});" if values else f"    {module} {label} ({ports});"
@@ -150,10 +150,14 @@ def _top(block, case, checker, design):
     ports = ", ".join(f"input wire [{width - 1}:0] {name}" for name, width in inputs + unseen)
     lines = [f"module {TOP} ({ports});"]
     lines += [f"    wire [{width - 1}:0] {name};" for name, width in result_ports if name in design.ports]
-    lines.append(instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), parameter_values))
+    lines.append(
+        module_instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), parameter_values)
+    )
     used = [name for name, _ in _checker_ports(checker)]
     lines.append(
-        instance(f"prove_{block.stem}", "properties", used, [g for g in parameter_values if g[0] in checker_parameters])
+        module_instance(
+            f"prove_{block.stem}", "properties", used, [g for g in parameter_values if g[0] in checker_parameters]
+        )
     )
     return "\n".join([*lines, "endmodule"]) + "\n", [name for name, _ in unseen]
 

@@ -17,14 +17,14 @@ from bisect import bisect_left, bisect_right
 from functools import lru_cache
 from typing import NamedTuple
 
-from fpga_model.block import declared, filled, flat, leaves, structure
+from fpga_model.block import block_modules, filled, leaves, port_name, structure
 from fpga_model.fixed import MAX_WIDTH
 from testbench.golden.ranges.interpreter import OPERATIONS, Interpreter, source_of_text
 from testbench.golden.ranges.intervals import Lin, Path, Run
 from testbench.golden.stimulus import blocks
 
 # Parts of a block whose control state the block's own boxes know
-SPLIT_FUNCTIONS = tuple(module.step for module in declared().values() if module.BLOCK.apart)
+SPLIT_FUNCTIONS = tuple(module.step for module in block_modules().values() if module.BLOCK.apart)
 PLAIN_JOINS = 3  # joins of a box before it is widened
 NARROWINGS = 5
 FAR = 1 << 62
@@ -94,9 +94,9 @@ class Edge:
 
     def __init__(self, block, params):
         self.block, self.params = block, params
-        module = declared().get(block.stem)
+        module = block_modules().get(block.stem)
         self.structure = structure(module, block.record) if module else {}
-        self.names = [flat(path) for path, _ in leaves(block.state)]
+        self.names = [port_name(path) for path, _ in leaves(block.state)]
         self.fmts = [port.fmt for port in block.registers]
         index_by_name = {name: k for k, name in enumerate(self.names)}
         self.split = [(index_by_name[name.rstrip("?")], name.endswith("?")) for name in block.split]
@@ -109,9 +109,9 @@ class Edge:
         self.body = loop.body
         self.reset = [int(value) for _, value in leaves(block.state)]
         self.run = Run()
-        self.begin()
+        self.clear_records()
 
-    def begin(self):
+    def clear_records(self):
         """Forget what was noted: pins, writes, arithmetic."""
         self.pins, self.interpreter = {}, Interpreter({}, self._track_store, SPLIT_FUNCTIONS, self.kept, self.tied)
         self.written = [(x, x) for x in self.reset]
@@ -264,7 +264,7 @@ def _invariant(edge):
             if key not in todo:
                 todo.append(key)
     for _ in range(NARROWINGS):
-        edge.begin()
+        edge.clear_records()
         image = _step_boxes(edge, boxes)
         after = {key: _clip_box(edge, box) for key, box in image.items()}
         # a register holds what was last written to it, in whatever control state that was
@@ -277,7 +277,7 @@ def _invariant(edge):
         if tighter == boxes:
             return boxes, image
         boxes = {key: box for key, box in tighter.items() if not _empty(box)}
-    edge.begin()
+    edge.clear_records()
     return boxes, _step_boxes(edge, boxes)
 
 

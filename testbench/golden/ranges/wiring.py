@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from fpga_model import control, sine, top
 from fpga_model import wiring as wires
-from fpga_model.block import declared, filled, flat, leaves
+from fpga_model.block import block_modules, filled, leaves, port_name
 from fpga_model.fixed import MAX_WIDTH
 from testbench.config import Config
 from testbench.golden.ranges import ranges
@@ -48,7 +48,7 @@ class Instance(NamedTuple):
     links: tuple
 
 
-STEPS = {module.step: stem for stem, module in declared().items()}
+STEPS = {module.step: stem for stem, module in block_modules().items()}
 
 
 def _stem(module):
@@ -91,7 +91,7 @@ class _Check:
             # a record of inputs stands for its fields: `i` with its name, runtime parameters without
             prefix = "" if key == "p" else key
             for path_name, item in leaves(value, prefix):
-                self._note(name, flat(path_name), path.value_interval(item))
+                self._note(name, port_name(path_name), path.value_interval(item))
         return record
 
     def _note(self, name, port, ends):

@@ -14,7 +14,7 @@ from fpga_model.fixed import formats
 from testbench.errors import ConfigError
 from testbench.flatten import format_leaves, leaves
 from testbench.golden.bundles.benches import rom_files
-from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, design_blocks, flat
+from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, design_blocks, port_name
 from testbench.storage.files import write_text
 
 MODULE = "gyro_board"
@@ -36,7 +36,9 @@ def top_parameters(params):
     d = params.design
     design_keys = {name: value for block in design_blocks(d).values() for name, value in block.design_keys.items()}
     pairs = zip(leaves(params), format_leaves(formats(top.Params, d)), strict=True)
-    parameter_values = [(flat(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs]
+    parameter_values = [
+        (port_name(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs
+    ]
     return [*((name, 32, value) for name, value in design_keys.items()), *parameter_values]
 
 

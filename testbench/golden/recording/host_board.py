@@ -12,7 +12,7 @@ from fpga_model import host, registers, top
 from fpga_model.fixed import formats
 from testbench.flatten import format_leaves
 from testbench.golden.recording import board
-from testbench.golden.stimulus.blocks import RESET_INPUT, flat
+from testbench.golden.stimulus.blocks import RESET_INPUT, port_name
 from testbench.storage.files import write_text
 
 BUS = {"write": "r_bus_bank_write", "address": "r_bus_bank_address", "data": "r_bus_bank_data"}  # of top, of the port
@@ -34,7 +34,7 @@ def _vector_prefix(width):
 def text(params, port=host):
     """Verilog of the board; tables are looked for in the folder where the tool runs."""
     name = port.__name__.rpartition(".")[2]
-    widths = {flat(path): fmt.width for path, fmt in read_paths(params.design).items()}
+    widths = {port_name(path): fmt.width for path, fmt in read_paths(params.design).items()}
     bus = {name: fmt.width for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT, strict=True) if name in BUS}
     lines = [line for line in board.text(params).split("\n") if line.split()[-1:] not in ([f"{n},"] for n in bus)]
     verilog = "\n".join(lines)

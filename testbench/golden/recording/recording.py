@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import top
-from fpga_model.block import asked, filled, flat, later, raws, told
+from fpga_model.block import filled, flattened_parameters, parameter_defaults, port_name, raws, required_parameters
 from fpga_model.design_record import DEFAULT
 from fpga_model.digital_sid import SAMPLE
 from fpga_model.fixed import formats
@@ -71,9 +71,9 @@ def params_from(path, names, raw, design=DEFAULT):
 
     What came later than the file has its default.
     """
-    raw_by_name = dict(zip(map(flat, names), raw))
-    expected_names = [name for name, _ in asked(top.PARAMS_FMT, raw_by_name)]
-    if list(map(flat, names)) != expected_names or len(raw) != len(expected_names):
+    raw_by_name = dict(zip(map(port_name, names), raw))
+    expected_names = [name for name, _ in required_parameters(top.PARAMS_FMT, raw_by_name)]
+    if list(map(port_name, names)) != expected_names or len(raw) != len(expected_names):
         strange = sorted(raw_by_name.keys() ^ set(expected_names)) or expected_names[:1]
         raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
     values = iter(raws(top.PARAMS_FMT, raw_by_name))
@@ -112,7 +112,7 @@ def unpacked_samples(errors):
 def save(recording, folder=FOLDER):
     """Write a recording beside its place and rename it."""
     r = recording
-    text, parameter_entries = io.BytesIO(), told(r.params, top.PARAMS_FMT)
+    text, parameter_entries = io.BytesIO(), flattened_parameters(r.params, top.PARAMS_FMT)
     np.savez_compressed(
         text,
         schema=np.array(SCHEMA),
@@ -204,7 +204,7 @@ def sha256(recording):
     digest = hashlib.sha256()
     r = recording
     shape = formats(top.Params, r.params.design)
-    parameter_entries, added = told(r.params, shape), later(shape)
+    parameter_entries, added = flattened_parameters(r.params, shape), parameter_defaults(shape)
     digest.update("".join(name for name, _, _ in parameter_entries if name in added).encode())
     for values in (
         np.array([value for _, value, _ in parameter_entries], np.int64),

@@ -17,7 +17,7 @@ import numpy as np
 
 from fpga_model import block as registry
 from fpga_model import top, wiring
-from fpga_model.block import BIT, declared, filled, flat, leaves, of_design
+from fpga_model.block import BIT, block_modules, design_value, filled, leaves, port_name
 from fpga_model.design_record import DEFAULT, Design
 from fpga_model.fixed import Fmt, formats
 
@@ -83,7 +83,7 @@ class Block(NamedTuple):
     @property
     def design_keys(self):
         """{NAME: value} of the keys of the design that the RTL is told: those that are not its defaults."""
-        parts = [declared()[self.stem]] if self.stem in declared() else declared().values()
+        parts = [block_modules()[self.stem]] if self.stem in block_modules() else block_modules().values()
         used = {key for part in parts for key in registry.keys(part)}
         changed_keys = {key for key in used if getattr(self.record, key) != getattr(DEFAULT, key)}
         return {key.upper(): getattr(self.record, key) for key in Design._fields if key in changed_keys}
@@ -116,9 +116,9 @@ def _hints(module, design):
         "relations": tuple(
             {prefix + name: k for name, k in sums.items()}
             for prefix, b in inherited_blocks.items()
-            for sums in of_design(b.relations, design)
+            for sums in design_value(b.relations, design)
         ),
-        "stops": tuple(value for b in inherited_blocks.values() for value in of_design(b.stops, design)),
+        "stops": tuple(value for b in inherited_blocks.values() for value in design_value(b.stops, design)),
     }
 
 
@@ -126,9 +126,9 @@ def _flatten_block(stem, module, design=None):
     """A block with flat ports."""
     record = design or DEFAULT
     declaration, rules, structure = module.BLOCK, registry.rules(module), registry.structure(module, record)
-    state = registry.at_reset(module, record)
+    state = registry.reset_registers(module, record)
     register_ports = [
-        Port(flat(path), fmt, int(reset), *register_rule(rules, flat(path)))
+        Port(port_name(path), fmt, int(reset), *register_rule(rules, port_name(path)))
         for (path, reset), (_, fmt) in zip(leaves(state), leaves(formats(module.State, record)), strict=True)
     ]
     return Block(
@@ -139,11 +139,11 @@ def _flatten_block(stem, module, design=None):
         registers=tuple(register_ports),
         pins=tuple(Port(*port_fields) for port_fields in registry.pins(module, record)),
         cases=registry.cases(module, record),
-        roms=tuple(rom.at(record) for rom in declaration.roms),
+        roms=tuple(rom.for_design(record) for rom in declaration.roms),
         run=lambda *given: registry.runner(stem)(structure.get("d", 0), structure.get("rom", 0), *given),
         source=(registry.runner_text(module), vars(module)),
         **{
-            name: of_design(getattr(declaration, name), record)
+            name: design_value(getattr(declaration, name), record)
             for name in ("latency", "strobes", "wait", "dense", "idle")
         },
         runtime_params=declaration.runtime_params,
@@ -151,13 +151,13 @@ def _flatten_block(stem, module, design=None):
     )
 
 
-BLOCKS = {stem: _flatten_block(stem, module) for stem, module in declared().items()}
+BLOCKS = {stem: _flatten_block(stem, module) for stem, module in block_modules().items()}
 
 
 @functools.lru_cache(maxsize=8)
 def design_blocks(design):
     """{stem: Block} of a design."""
-    return {stem: _flatten_block(stem, module, design) for stem, module in declared().items()}
+    return {stem: _flatten_block(stem, module, design) for stem, module in block_modules().items()}
 
 
 def firmware_blocks(params):
@@ -174,7 +174,7 @@ def firmware_blocks(params):
 @functools.cache
 def _step_structure(stem, record):
     """(structure, shapes) of the arguments of `step`, found once: every row of a block asks for them."""
-    module = declared()[stem]
+    module = block_modules()[stem]
     return tuple(registry.structure(module, record).values()), tuple(registry.shapes(module).values())
 
 
@@ -191,9 +191,9 @@ def case_parameters(block, case):
     params = block.cases[case]
     if params is None:
         return []
-    module = top if block.stem == "top" else declared()[block.stem]
-    parameter_entries = registry.told(params, formats(module.Params, block.record))
-    return [(flat(path), raw, fmt) for path, raw, fmt in parameter_entries]
+    module = top if block.stem == "top" else block_modules()[block.stem]
+    parameter_entries = registry.flattened_parameters(params, formats(module.Params, block.record))
+    return [(port_name(path), raw, fmt) for path, raw, fmt in parameter_entries]
 
 
 def run(block, case, stimulus):

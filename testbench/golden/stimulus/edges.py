@@ -26,7 +26,7 @@ def _inverse(odd, n):
 
 def edges_dds(w):
     """Every sum at all ones, just over and at 0: with the phase at 0, at all ones and in between."""
-    top = dds.PHASE.at(w.block.record).hi
+    top = dds.PHASE.for_design(w.block.record).hi
     offsets = [port.name for port in w.wide if port.name != "word"]
     for phase in (0, 1, top, top - 1, (top + 1) >> 1, top >> 1):
         for total in (top - 1, top, top + 1, top + 2):
@@ -44,7 +44,7 @@ def edges_sine(w):
     base, slope = np.array(sine.tables(d), np.int64)
     middle = 2 * np.arange(1 << d.sine_fraction_bits) + 1
     total = (base[:, None] << d.sine_fraction_bits) + slope[:, None] * middle
-    cut, index_bits = sine.PRODUCT.at(d).f, d.sine_address_bits + d.sine_fraction_bits
+    cut, index_bits = sine.PRODUCT.for_design(d).f, d.sine_address_bits + d.sine_fraction_bits
     low, odd, half = total & ((1 << cut) - 1), (total >> cut) & 1, 1 << (cut - 1)
     table_indices = [
         np.flatnonzero(low == dropped_bits)[:2] for dropped_bits in (0, 1, half - 1, half + 1, 2 * half - 1)
@@ -74,7 +74,7 @@ def _edges_phase(w):
 
 def edges_modulator(w):
     """Products whose dropped bits are 0, 1, a half +-1, all ones; and codes at both limits +-1 LSB."""
-    p, carrier = w.block.cases[w.case], modulator.SINE.at(w.block.record)
+    p, carrier = w.block.cases[w.case], modulator.SINE.for_design(w.block.record)
     both, full = {"en_product": 1, "en_code": 1}, carrier.hi
     for low in (0, 1, (1 << (p.shift - 1)) - 1, 1 << (p.shift - 1), (1 << (p.shift - 1)) + 1, (1 << p.shift) - 1):
         for factor in (1, 3, full >> 1, full, -1, -(full >> 1) - 2, -full):
@@ -117,7 +117,7 @@ def edges_isqrt(w):
 def edges_registers(w):
     for address in [*range(len(registers.WRITABLE) + 2), registers.FIRST_READ_ONLY, 255]:
         target_register = registers.BY_ADDRESS.get(address)
-        top = target_register.fmt.at(w.block.record).hi if target_register else 0
+        top = target_register.fmt.for_design(w.block.record).hi if target_register else 0
         for data in (0, 1, top, min(top + 1, registers.DATA.hi), registers.DATA.hi, 1 << 47, ALTERNATE, ALTERNATE << 1):
             w.append_row({"write": 1, "address": address, "data": data})
             w.append_row({"address": address, "data": data ^ registers.DATA.hi})

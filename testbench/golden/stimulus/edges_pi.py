@@ -10,7 +10,7 @@ Source  docs/blocks/pi.md
 from typing import NamedTuple
 
 from fpga_model import pi
-from fpga_model.fixed import Fmt, half_up, signed
+from fpga_model.fixed import Fmt, half_up, signed_bits
 from testbench.golden.stimulus.writer import around, corners
 
 ONE = 1 << pi.SHIFT
@@ -199,7 +199,7 @@ def _comparators_by_integration(loop):
             continue
         for op in ops:
             loop.operate(*op)
-        steps = {(target - base) // p.ki for target in around(base, signed(61))}
+        steps = {(target - base) // p.ki for target in around(base, signed_bits(61))}
         outwards = 1 if (base > 0) == (p.ki > 0) else -1
         for e in sorted(e for e in steps if loop.error.holds(e)):
             loop.operate(pi.RUN, e, 0)
@@ -291,7 +291,12 @@ def _loop_error_inputs(stem, e):
     ]
 
 
-ERRORS = {"agc": Fmt(1, 24, 0), "frequency_tracker": signed(24), "rate_loop": signed(24), "quadrature_loop": signed(24)}
+ERRORS = {
+    "agc": Fmt(1, 24, 0),
+    "frequency_tracker": signed_bits(24),
+    "rate_loop": signed_bits(24),
+    "quadrature_loop": signed_bits(24),
+}
 
 
 def edges_loop(w):

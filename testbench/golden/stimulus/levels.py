@@ -15,11 +15,11 @@ import inspect
 from dataclasses import dataclass
 
 from fpga_model import control, top, wiring
-from fpga_model.block import asked, declared, flat, leaves, parts_of, python_of
+from fpga_model.block import block_modules, leaves, port_name, python_function, required_parameters, state_modules
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
 from testbench.errors import ConfigError
-from testbench.storage.inputs import checked
+from testbench.storage.inputs import validate_data
 
 LEVELS = ("pins", "outputs", "registers")
 KINDS = {"pins": "pin", "outputs": "output", "registers": "register"}
@@ -33,15 +33,15 @@ HOST = {
 @functools.cache
 def _wiring_levels():
     """{stem: {register or pin: level}} of what the wiring of control and top reads."""
-    stems = {path: module.__name__.rpartition(".")[2] for path, module in wiring.within(top.State)}
+    stems = {path: module.__name__.rpartition(".")[2] for path, module in wiring.nested_blocks(top.State)}
     level_by_register = {}
     for module, before in ((control, "control."), (top, "")):
-        for wire in wiring.trace(module, whole=True).wires:
+        for wire in wiring.trace(module, all_parts=True).wires:
             level = "pins" if wire.instance == "pins" else "outputs"
             for name in (before + leaf.name for leaf in wire.signal.leaves if leaf.kind in ("register", "pin")):
                 for path, stem in stems.items():
                     if name.startswith(f"{path}.") and not f"{before}{wire.instance}.".startswith(f"{path}."):
-                        register = flat(name[len(path) + 1 :])
+                        register = port_name(name[len(path) + 1 :])
                         level_by_register[stem, register] = (
                             level if level == "pins" else level_by_register.get((stem, register), level)
                         )
@@ -52,8 +52,8 @@ def _wiring_levels():
 def _parent_reads():
     """(stem, register) of what a block reads of the blocks within it, as `s.part.register`."""
     register_reads = set()
-    for module in declared().values():
-        parts = {field: part.__name__.rpartition(".")[2] for field, part in parts_of(module.State).items()}
+    for module in block_modules().values():
+        parts = {field: part.__name__.rpartition(".")[2] for field, part in state_modules(module.State).items()}
         for node in ast.walk(ast.parse(inspect.getsource(module))):
             inner = getattr(node, "value", None)
             if isinstance(node, ast.Attribute) and isinstance(inner, ast.Attribute) and inner.attr in parts:
@@ -88,7 +88,7 @@ def compared_ports(manifest, level):
         raise ConfigError(f"level: {level!r} is not one of {', '.join(LEVELS)}")
     if level == "registers":
         return ports
-    stated = checked(manifest.get("levels"), dict[str, list[str]], "manifest: levels")
+    stated = validate_data(manifest.get("levels"), dict[str, list[str]], "manifest: levels")
     level_ports = [(name, p) for name, p in ports if name in stated.get(level, ())]
     if not level_ports:
         raise ConfigError(f"level: {manifest['block']} has no port at level {level}")
@@ -103,17 +103,17 @@ def port_kind(manifest, name):
 
 def unused_params(block):
     """Parameters of a block that neither its edge nor its pins read: a design need not have them."""
-    module = declared().get(block.stem)
+    module = block_modules().get(block.stem)
     if module is None or not hasattr(module, "Params"):
         return []
     read = set()
     for name in ("step", *module.BLOCK.outputs):
-        for node in ast.walk(ast.parse(inspect.getsource(python_of(getattr(module, name))))):
+        for node in ast.walk(ast.parse(inspect.getsource(python_function(getattr(module, name))))):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "p":
                 read.add(node.attr)
             if isinstance(node, ast.Call) and any(isinstance(a, ast.Name) and a.id == "p" for a in node.args):
                 return []  # p goes on as a whole
-    return [flat(field) for field in module.Params._fields if field not in read]
+    return [port_name(field) for field in module.Params._fields if field not in read]
 
 
 def roms(manifest):
@@ -131,12 +131,16 @@ def used_params(manifest):
 
 def omitted_params(manifest):
     """Entries of the parameters that a block has and this bundle does not list, as each is 0 in it."""
-    module = declared().get(manifest["block"])
+    module = block_modules().get(manifest["block"])
     if not hasattr(module, "Params"):
         return []
     shape, present_names = formats(module.Params, DEFAULT), {p["name"] for p in manifest.get("params", [])}
-    required_names = {name for name, _ in asked(shape, present_names)}
-    return [{"name": flat(name), "fmt": list(fmt)} for name, fmt in leaves(shape) if flat(name) not in required_names]
+    required_names = {name for name, _ in required_parameters(shape, present_names)}
+    return [
+        {"name": port_name(name), "fmt": list(fmt)}
+        for name, fmt in leaves(shape)
+        if port_name(name) not in required_names
+    ]
 
 
 @dataclass
@@ -149,5 +153,5 @@ class Key:
 
 def rtl_parameters(manifest):
     """[(NAME, value)] of the keys that the RTL of a bundle takes; FileError where the entry is none."""
-    entries = checked(manifest.get("design_params", []), list[Key], "manifest: design_params")
+    entries = validate_data(manifest.get("design_params", []), list[Key], "manifest: design_params")
     return [(key.name, key.value) for key in entries]

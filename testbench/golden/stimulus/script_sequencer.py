@@ -7,7 +7,7 @@ Source  docs/blocks/sequencer.md
 import itertools
 
 from fpga_model import fault_monitor, lock_monitor, sequencer
-from fpga_model.fixed import signed
+from fpga_model.fixed import signed_bits
 from testbench.golden.stimulus.writer import LONG_ROWS, around
 
 SETPOINT = 1 << 23
@@ -184,7 +184,7 @@ def _bits_of_limits(walk):
         for state, between, limit in (*test_states, (sequencer.LOCKED, {}, p.limit_out[k])):
             if not walk.again(state, **between):
                 continue
-            for n, error in enumerate([*around(limit, signed(24)), -SETPOINT]):
+            for n, error in enumerate([*around(limit, signed_bits(24)), -SETPOINT]):
                 walk.run(1, **{**between, name: error if n % 2 or error == -SETPOINT else -error})
                 walk.run(1, **between)
 

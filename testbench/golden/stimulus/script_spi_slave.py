@@ -6,7 +6,7 @@ Source  docs/blocks/spi_slave.md
 import itertools
 
 from fpga_model import spi_slave
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 
 IDLE = {"cs_n": 1}
 READ = 1
@@ -14,7 +14,7 @@ READ = 1
 
 def crc(bits):
     """CRC of a list of bits, as it is sent."""
-    divide_bit, remainder = python_of(spi_slave.divided), spi_slave.CRC_MASK
+    divide_bit, remainder = python_function(spi_slave.divided), spi_slave.CRC_MASK
     for bit in bits:
         remainder = divide_bit(remainder, bit)
     return remainder ^ spi_slave.CRC_MASK

@@ -8,7 +8,7 @@ Source  docs/blocks/
 import itertools
 
 from fpga_model import fault_monitor, lock_monitor, rates, spi_adc
-from fpga_model.fixed import signed
+from fpga_model.fixed import signed_bits
 from testbench.golden.stimulus.script_axi_slave import script_axi_slave  # noqa: F401
 from testbench.golden.stimulus.script_host_bus import script_host_bus  # noqa: F401
 from testbench.golden.stimulus.script_sequencer import script_sequencer  # noqa: F401
@@ -29,7 +29,7 @@ def _lock_errors(p, setpoint, table, offset_lsb, sign):
 
 def _single_bit_neighbours(limit):
     """168 magnitudes around a limit; a zero where there are fewer."""
-    magnitudes = sorted({abs(v) for v in around(limit, signed(24)) if abs(v) < 1 << 23})
+    magnitudes = sorted({abs(v) for v in around(limit, signed_bits(24)) if abs(v) < 1 << 23})
     return magnitudes + [0] * (168 - len(magnitudes))
 
 

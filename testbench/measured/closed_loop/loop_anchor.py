@@ -25,20 +25,20 @@ from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.residual.parameters import WALL
 from testbench.tracing.problem.problem import PredictionFailed, Problem
 
-PLACE_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
+MIN_OFFSET_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
 LOOK, DRAWS = 5, 8  # of the exact engine at an anchor: for a first look, and later
 FIRST_DRAW = 10**12  # seeds that no recording has
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 
 
-class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiable"):
+class Anchored(Problem, adds="anchor anchor_certificate check prior_overrun at draws unidentifiable"):
     """A problem that is linear about an anchor, which the exact engine has computed with some `draws`."""
 
     def anchor(self, theta, effects):
         """Put the linear model's anchor at a point; PredictionFailed, and nothing moved, where the engine fails."""
         raise NotImplementedError
 
-    def distance(self, theta, effects):
+    def anchor_certificate(self, theta, effects):
         """Certificate at a point near the anchor: what the linear model changes from there, as if none of it were so.
 
         At the anchor the model is the exact engine; `check` runs that again.
@@ -52,7 +52,7 @@ class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiab
         """
         raise NotImplementedError
 
-    def beyond(self, theta):
+    def prior_overrun(self, theta):
         """Nuisances of a fitted point outside their wide priors, where the model stays at the edge; "" if none."""
         return ""
 
@@ -63,8 +63,9 @@ class Anchored(Problem, adds="anchor distance check beyond at draws unidentifiab
 
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
-    "first starts base fitted model_at moved_hz run_of smooth key exact hertz linear size column axis settle pseudo "
-    "alone_at after timed at_time"
+    "first starts base stack_fit_rows model_at shift_drive_mode make_run smooth key exact_features hertz "
+    "linear size column axis settle pseudo "
+    "single_condition_problem after timed restore_settle_s"
 )
 
 
@@ -73,7 +74,7 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
 
     def model_at(self, theta, effects):
         """`loop_runs.Model` of a point; PredictionFailed outside the limits of a key."""
-        values = {p.key: p.at(float(t)) for p, t in zip(self.parameters, theta)}
+        values = {p.key: p.value_from_theta(float(t)) for p, t in zip(self.parameters, theta)}
         laws = []
         for name, value in effects.items():
             c = self.candidates[name]
@@ -81,61 +82,63 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
                 section, _, field = c.key.partition(".")
                 values[c.key] = float(value) + (getattr(self.model.plant, field) if section == "plant" else 0.0)
             else:
-                laws += c.texts(float(value))
+                laws += c.law_texts(float(value))
         try:
             return Model(configuration.changed(self.model, values), tuple(laws))
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def _put(self):
+    def _set_frequency_offsets(self):
         """Places of the conditions, from the last bins of the recorded frequency words."""
         one = self._draws(1)
         for g, values in self.recorded.values.items():
             if np.any(values):
                 hz = self.hertz(values.mean(axis=0) - one[g][0], g) + jitter_hz(0)
-                self.place[g] = hz if abs(hz) > PLACE_HZ else 0.0
+                self.place[g] = hz if abs(hz) > MIN_OFFSET_HZ else 0.0
 
-    def moved_hz(self, model, hz):
+    def shift_drive_mode(self, model, hz):
         """A model whose drive mode is moved by some Hz, by a stiffness."""
         return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
 
-    def _run(self, wanted, kind, power_on=False, smooth=False, take=None):
+    def _run(self, requests, kind, power_on=False, smooth=False, take=None):
         """Features, or what `take` makes of the rows, of (model, condition, draw, Hz above where the problem began).
 
         All are held at the place of their condition. They begin from a locked state of the model where the problem
         began, so that edges slip at the same instants in all of them, or from power-on.
         """
-        runs = [self.run_of(*one, power_on, smooth) for one in wanted]
+        runs = [self.make_run(*one, power_on, smooth) for one in requests]
         try:
             return self.bench.run(runs, kind, self.progress, True, smooth, take)
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def run_of(self, model, condition, draw, above_hz=0.0, power_on=False, smooth=False):
+    def make_run(self, model, condition, draw, shift_hz=0.0, power_on=False, smooth=False):
         """`Run` of a model under a condition with a draw's noise, jitter and phase, see `_run`."""
-        number, place, start = list(self.conditions).index(condition.id), self.place[condition.id], None
+        number, offset_hz, start = list(self.conditions).index(condition.id), self.place[condition.id], None
         if not power_on:
-            start = loop_runs.model_key(self.moved_hz(Model(self.model), place))
-        told = self.moved_hz(model, place - above_hz + jitter_hz(draw))
-        return Run(told, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
+            start = loop_runs.model_key(self.shift_drive_mode(Model(self.model), offset_hz))
+        model_run = self.shift_drive_mode(model, offset_hz - shift_hz + jitter_hz(draw))
+        return Run(model_run, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
 
-    def at_time(self, condition, effects):
+    def restore_settle_s(self, condition, effects):
         """A condition as long after power-on as in the record, if one of the effects asks for that time."""
-        asked = self.timed & {name for name, value in effects.items() if value}
-        return condition._replace(settle_s=self.after.get(condition.id, condition.settle_s)) if asked else condition
+        time_effects = self.timed & {name for name, value in effects.items() if value}
+        return (
+            condition._replace(settle_s=self.after.get(condition.id, condition.settle_s)) if time_effects else condition
+        )
 
-    def smooth(self, wanted, take=None):
+    def smooth(self, requests, take=None):
         """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
 
         None for what leaves its range.
         """
-        return self._run(wanted, FAST, smooth=True, take=take)
+        return self._run(requests, FAST, smooth=True, take=take)
 
-    def alone_at(self, condition, near):
+    def single_condition_problem(self, condition, recorded_id):
         """This problem under one other condition alone, with noise and bins of a recorded one, for its tangents."""
         out, name = copy.copy(self), condition.id
-        out.conditions, out.place, out.slope = {name: condition}, {name: 0.0}, {name: self.slope[near]}
-        out._rows, out._count, out.starts = {name: self._rows[near]}, {name: self._count[near]}, ()
+        out.conditions, out.place, out.slope = {name: condition}, {name: 0.0}, {name: self.slope[recorded_id]}
+        out._rows, out._count, out.starts = {name: self._rows[recorded_id]}, {name: self._count[recorded_id]}, ()
         return out
 
     def key(self, *more):
@@ -144,44 +147,48 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
 
     def _draws(self, count, power_on=False):
         """{condition: (count, n)} of the averaged plant where the model began, jitter and all."""
-        told, model = (count, power_on), Model(self.model)
-        keys = {c.id: self.key("draws", told, c._replace(role=""), self.place[c.id]) for c in self.recorded.conditions}
+        settings, model = (count, power_on), Model(self.model)
+        keys = {
+            c.id: self.key("draws", settings, c._replace(role=""), self.place[c.id]) for c in self.recorded.conditions
+        }
         todo = [c for c in self.recorded.conditions if keys[c.id] not in self.kept.noise]
-        found = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
+        feature_rows = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
         for i, c in enumerate(todo):
-            self.kept.noise[keys[c.id]] = np.array(found[count * i : count * (i + 1)])
+            self.kept.noise[keys[c.id]] = np.array(feature_rows[count * i : count * (i + 1)])
         return {name: self.kept.noise[key] for name, key in keys.items()}
 
-    def exact(self, theta, effects, role=None):
+    def exact_features(self, theta, effects, role=None):
         """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
 
         Of the conditions with a role, or of all. The drive frequency is held, so that edges slip at the same instants
         and the noise cancels.
         """
         model = self.model_at(theta, effects)
-        told = "exact", model.config.model_dump_json(), model.laws
-        chosen = [self.at_time(c, effects) for c in self.recorded.conditions if role in (None, c.role)]
-        keys = {c.id: self.key(*told, c._replace(role=""), self.place[c.id]) for c in chosen}
-        moved = self._moved_hz(theta, effects)
+        key_parts = "exact", model.config.model_dump_json(), model.laws
+        chosen = [self.restore_settle_s(c, effects) for c in self.recorded.conditions if role in (None, c.role)]
+        keys = {c.id: self.key(*key_parts, c._replace(role=""), self.place[c.id]) for c in chosen}
+        shifts_hz = self._frequency_shifts_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
         twins = self._draws(max(self.draws, DRAWS))
-        kept = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
-        todo = [(model, c, k, moved[c.id]) for c in chosen for k in range(len(kept[c.id]), self.draws)]
-        found = iter(self._run(todo, EXACT, take=loop_runs.with_densities))
+        cached_rows = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
+        todo = [(model, c, k, shifts_hz[c.id]) for c in chosen for k in range(len(cached_rows[c.id]), self.draws)]
+        results = iter(self._run(todo, EXACT, take=loop_runs.with_densities))
         out = {}
         for c in chosen:
             more = []
-            for k in range(len(kept[c.id]), self.draws):
-                values, densities = next(found)
+            for k in range(len(cached_rows[c.id]), self.draws):
+                values, densities = next(results)
                 more.append(values - twins[c.id][k])
                 self.kept.densities.setdefault(keys[c.id], []).append(densities)
-            rows = self.kept.exact[keys[c.id]] = np.concatenate([kept[c.id], np.array(more)]) if more else kept[c.id]
+            rows = self.kept.exact[keys[c.id]] = (
+                np.concatenate([cached_rows[c.id], np.array(more)]) if more else cached_rows[c.id]
+            )
             rows, self._densities[c.id] = rows[: self.draws], self.kept.densities[keys[c.id]][: self.draws]
-            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (moved[c.id] - self.place[c.id])
+            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (shifts_hz[c.id] - self.place[c.id])
             out[c.id] = v, rows[:, : self._sizes[c.id]]
         return out
 
-    def _moved_hz(self, theta, effects):
+    def _frequency_shifts_hz(self, theta, effects):
         """{condition: change of the drive frequency from where the model began}, by the linear model.
 
         That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
@@ -197,12 +204,14 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         return float(change[(loop_runs.NAMES.index("f_word") + 1) * self._count[group] - 1])
 
     def anchor(self, theta, effects):
-        theta = [p.within(float(t)) for p, t in zip(self.parameters, theta)]
-        at = np.array(theta), {name: float(v) for name, v in effects.items() if v}
-        found, self.at = self.exact(*at), at
-        self.base, self._rest = {g: v for g, (v, _) in found.items()}, {g: rows for g, (_, rows) in found.items()}
-        left = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._rest.items()]
-        self.prediction_noise = float(np.mean(left)) / self.draws + 1 / NOISE_DRAWS
+        theta = [p.clip_theta(float(t)) for p, t in zip(self.parameters, theta)]
+        point = np.array(theta), {name: float(v) for name, v in effects.items() if v}
+        exact, self.at = self.exact_features(*point), point
+        self.base, self._draw_rows = {g: v for g, (v, _) in exact.items()}, {g: rows for g, (_, rows) in exact.items()}
+        draw_variances = [
+            self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._draw_rows.items()
+        ]
+        self.prediction_noise = float(np.mean(draw_variances)) / self.draws + 1 / NOISE_DRAWS
         self.anchors += 1
         self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws)
 
@@ -232,24 +241,26 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         """Axis of a law, by its port."""
         return self.candidates[name].law.port[-1] if name in self.candidates else ""
 
-    def fitted(self, of):
+    def stack_fit_rows(self, values):
         """{condition: (n, ...)} of the fitted conditions as stacked rows of unit variance, repeats counted."""
         groups = [c.id for c in self.recorded.conditions if c.role == "fit"]
         return np.concatenate(
-            [np.sqrt(len(self.recorded.values[g])) * self.whiten(self._rows[g], of[g]) for g in groups]
+            [np.sqrt(len(self.recorded.values[g])) * self.whiten(self._rows[g], values[g]) for g in groups]
         )
 
     def settle(self):
         """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
         sd = np.array([n.prior_sd for n in self.nuisances])
         for _ in range(2):
-            j = self.fitted(self.tangent) * sd
-            r = self.fitted({g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()})
-            behind = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
+            j = self.stack_fit_rows(self.tangent) * sd
+            r = self.stack_fit_rows(
+                {g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()}
+            )
+            prior_offset_sd = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
             # wide priors: no board is beyond WALL sds, whatever the tangents say
             walls = WALL if self.starts else np.inf
-            bounds = np.minimum(behind - walls, -1e-9), np.maximum(behind + walls, 1e-9)
-            a, b = np.concatenate([j, np.eye(len(sd))]), np.concatenate([r, behind])
+            bounds = np.minimum(prior_offset_sd - walls, -1e-9), np.maximum(prior_offset_sd + walls, 1e-9)
+            a, b = np.concatenate([j, np.eye(len(sd))]), np.concatenate([r, prior_offset_sd])
             u = lsq_linear(a, b, bounds=bounds).x
             if np.linalg.norm(j @ u) < SETTLED:
                 return
@@ -258,25 +269,25 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
     def pseudo(self, change):
         """(laws, m) sigmas of the effects that m differences of features, {condition: (n, m)}, would be taken for."""
         sd = np.array([n.prior_sd for n in self.nuisances])
-        j = self.fitted(self.tangent) * sd
+        j = self.stack_fit_rows(self.tangent) * sd
         q, _ = np.linalg.qr(np.concatenate([j, np.eye(len(sd))]) / np.linalg.norm(j, axis=0))
-        s = np.stack([self.fitted(self.column(law.name)) for law in self.laws], axis=1)
+        s = np.stack([self.stack_fit_rows(self.column(law.name)) for law in self.laws], axis=1)
         s = np.concatenate([s, np.zeros((len(sd), s.shape[1]))])
         s -= q @ (q.T @ s)
         size = np.linalg.norm(s, axis=0)
         s = s[: -len(sd), size > 0] / size[size > 0]
-        return s.T @ self.fitted(change)
+        return s.T @ self.stack_fit_rows(change)
 
     def unidentifiable(self, fit):
         keys, n = [p.key for p in self.parameters], len(self.parameters)
-        values = [p.at(t) for p, t in zip(self.parameters, fit.point.theta)]
-        return loop_symmetries.lines(keys, values, fit.told[:n, :n]) if self.starts else ()
+        values = [p.value_from_theta(t) for p, t in zip(self.parameters, fit.point.theta)]
+        return loop_symmetries.lines(keys, values, fit.interval_covariance[:n, :n]) if self.starts else ()
 
-    def beyond(self, theta):
-        keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.within(t) != t)
+    def prior_overrun(self, theta):
+        keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.clip_theta(t) != t)
         return f"{keys}: the linear fit ends beyond {WALL:g} sd of the prior" if keys else ""
 
-    def distance(self, theta, effects):
+    def anchor_certificate(self, theta, effects):
         change = {
             c.id: self._change(theta, effects, *self.at, c.id) for c in self.recorded.conditions if c.role == "fit"
         }
@@ -288,16 +299,16 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         }
 
     def check(self, theta, effects):
-        exact, theta = self.exact(theta, effects, "fit"), np.asarray(theta, float)
+        exact, theta = self.exact_features(theta, effects, "fit"), np.asarray(theta, float)
         off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
-        seen = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
-        each = self.pseudo({g: (rows - self._rest[g]).T for g, (_, rows) in exact.items()})
-        own = each.var(axis=1, ddof=1) / self.draws
+        effect_sigma = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
+        each = self.pseudo({g: (rows - self._draw_rows[g]).T for g, (_, rows) in exact.items()})
+        noise_variance = each.var(axis=1, ddof=1) / self.draws
         return {
             "engines": "exact engine (lanes) against the fitted model, same noise",
-            "sigma": float(np.sqrt(max(np.max(seen**2 - own), 0.0))),
-            "sigma_with_noise": float(np.max(np.abs(seen))),
+            "sigma": float(np.sqrt(max(np.max(effect_sigma**2 - noise_variance), 0.0))),
+            "sigma_with_noise": float(np.max(np.abs(effect_sigma))),
             "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
             "anchors": self.anchors,
             "draws": self.draws,

@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from analog_frontend.effects import catalogue, law
-from testbench.config.config_errors import limits_of
+from testbench.config.config_errors import number_limits
 from testbench.config.load import Effects
 from testbench.measured.closed_loop import loop_limits
 from testbench.tracing.problem.problem import Law
@@ -58,29 +58,31 @@ class Candidate(NamedTuple):
     factors: str = ""
     terms: object = None  # of a key: function(value, device) -> texts of the laws that it stands for
 
-    def texts(self, value):
+    def law_texts(self, value):
         """Laws to add to a model's own."""
         return (f"{self.port} = {value!r} {self.factors}",) if self.factors else ()
 
-    def at_ports(self, device):
+    def port_laws(self, device):
         """`law.Law`s of a coefficient of 1 in a device; () of a parameter of a part."""
-        return tuple(map(law.parse, self.terms(1.0, device) if self.terms else self.texts(1.0)))
+        return tuple(map(law.parse, self.terms(1.0, device) if self.terms else self.law_texts(1.0)))
 
-    def timed(self, device):
+    def is_time_dependent(self, device):
         """True of a law that asks for the time from power-on."""
-        return any(f.name in law.TIMES for one in self.at_ports(device) for f in one.factors)
+        return any(f.name in law.TIMES for one in self.port_laws(device) for f in one.factors)
 
 
 def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     """Candidate of a key; a law whose limits have a side has that sign."""
     ones = tuple(map(law.parse, terms(1.0, loop_limits.BOARD)))
-    low, high, reason = limits or loop_limits.of(ones[0])
-    least, most = limits_of(Effects.model_fields[name])
+    low, high, reason = limits or loop_limits.law_limits(ones[0])
+    least, most = number_limits(Effects.model_fields[name])
     if least > low or most < high:
         low, high, reason = max(low, least), min(high, most), f"the range of effects.{name}"
-    same = harmonic(ones[0]) if len(ones) == 1 else ""
-    made = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
-    return Candidate(made._replace(low=low, high=high, reason=reason, same=same), f"effects.{name}", terms=terms)
+    harmonic_text = harmonic(ones[0]) if len(ones) == 1 else ""
+    new_law = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
+    return Candidate(
+        new_law._replace(low=low, high=high, reason=reason, same=harmonic_text), f"effects.{name}", terms=terms
+    )
 
 
 def _cubic_spring(value, device):
@@ -150,18 +152,18 @@ def from_grammar():
     for port in GRAMMAR:
         for factors in _factors(port):
             one = law.parse(f"{port} = 1.0 {factors}")
-            low, high, reason = loop_limits.of(one)
+            low, high, reason = loop_limits.law_limits(one)
             name = f"{port}: {factors}"
             terms = tuple((str(f._replace(power=1)), float(f.power)) for f in one.factors)
             scale = min(PORT_SIZE[port] / loop_limits.size(one.factors), max(-low, high))
-            made = Law(
+            new_law = Law(
                 name, port, f"c {factors}", one.unit, scale, (low == 0.0) - (high == 0.0), term=terms,
                 page="docs/parts/ports.md", low=low, high=high, reason=reason, same=harmonic(one),
             )  # fmt: skip
-            out.append(Candidate(made, "", port, factors))
+            out.append(Candidate(new_law, "", port, factors))
     for field, (port, unit, scale) in PARTS.items():
-        low, high, reason = loop_limits.of_part(field)
+        low, high, reason = loop_limits.field_limits(field)
         sign, page = (low == 0.0) - (high == 0.0), "docs/effects/README.md"
-        made = Law(f"plant.{field}", port, f"plant.{field} + c", unit, scale, sign, page=page)
-        out.append(Candidate(made._replace(low=low, high=high, reason=reason), f"plant.{field}"))
+        new_law = Law(f"plant.{field}", port, f"plant.{field} + c", unit, scale, sign, page=page)
+        out.append(Candidate(new_law._replace(low=low, high=high, reason=reason), f"plant.{field}"))
     return tuple(out)

@@ -42,17 +42,17 @@ def _bound(one):
         return BOARD.amplifier_swing_v, "swing of the amplifiers"
     if names & {"u", "w"}:
         return BOARD.k_vf_sense_n_per_v * TYPICAL["w" if "w" in names else "u"], "the electrode's force keeps its sign"
-    own = names <= {*AXES[axis], "rate", "temp"}
-    place, speed = (TYPICAL[name] for name in AXES[axis if own else "yx"["xy".index(axis)]])
+    is_direct = names <= {*AXES[axis], "rate", "temp"}
+    displacement, speed = (TYPICAL[name] for name in AXES[axis if is_direct else "yx"["xy".index(axis)]])
     odd = sum(f.power for f in one.factors if f.name in ("vx", "vy") and f.dress != law.ABS) % 2
     if not odd:
-        return STIFF_N_PER_M * place, "the stiffness stays positive"
-    if not own and names - around == {"vx"} and "rate" in names:
+        return STIFF_N_PER_M * displacement, "the stiffness stays positive"
+    if not is_direct and names - around == {"vx"} and "rate" in names:
         return 2 * BOARD.mass_kg * speed, "the Coriolis mass is a part of the mode's"
-    return (1 if own else 2) * DAMP_N_S_PER_M * speed, "the damping stays positive"
+    return (1 if is_direct else 2) * DAMP_N_S_PER_M * speed, "the damping stays positive"
 
 
-def of(one):
+def law_limits(one):
     """(low, high, reason) of the coefficient of a `law.Law`; what it has is a factor of that coefficient."""
     largest, reason = _bound(one)
     high = largest / (abs(one.coefficient) * size(one.factors))
@@ -63,7 +63,7 @@ def of(one):
     return low, high, reason
 
 
-def of_part(field):
+def field_limits(field):
     """(low, high, reason) of the change of a field of the default `Device`."""
     value, limits = getattr(BOARD, field), next(f for f in FIELDS if f.name == field)
     return limits.lo - value, limits.hi - value, f"the range of plant.{field}"

@@ -21,7 +21,7 @@ from testbench.measured.closed_loop import loop_runs
 
 JITTER_HZ = 1e-3
 NOISE_DRAWS = 64  # of the averaged plant, per condition
-OWN = 0.3  # the likeliest of draws left out
+CONDITION_WEIGHT = 0.3  # the likeliest of draws left out
 FOLDS = 8
 # quantiles in random order: their variance is that of the scatter, not that of 64 draws of it
 JITTER = np.random.default_rng(3).permutation(norm.ppf((np.arange(NOISE_DRAWS) + 0.5) / NOISE_DRAWS))
@@ -41,20 +41,20 @@ def jitter_hz(draw):
     return float(JITTER[draw])
 
 
-def noise_of(draws, moved_hz=JITTER):
+def estimate_noise(draws, shift_hz=JITTER):
     """{condition: Noise} of {condition: ((draws, n), change per hertz)}; moved_hz: jitter of each draw.
 
     The scatter of the power-ons is what it is; correlations of the rest are shared among conditions of one length.
     """
-    pools, sigma, own = {}, {}, {}
-    jitter = moved_hz - np.mean(moved_hz)
+    pools, sigma, scaled_rows = {}, {}, {}
+    jitter = shift_hz - np.mean(shift_hz)
     for name, (rows, slope) in draws.items():
-        rest = rows - rows.mean(axis=0) - np.outer(jitter, slope)
-        sd = rest.std(axis=0, ddof=1)
+        centred_rows = rows - rows.mean(axis=0) - np.outer(jitter, slope)
+        sd = centred_rows.std(axis=0, ddof=1)
         least = 0.1 * np.median(sd.reshape(len(loop_runs.NAMES), -1), axis=1)
         sigma[name] = np.maximum(sd, np.repeat(np.maximum(least, 1e-300), len(sd) // len(loop_runs.NAMES)))
-        own[name] = rest / sigma[name]
-        pools.setdefault(rows.shape[1], []).append(own[name])
+        scaled_rows[name] = centred_rows / sigma[name]
+        pools.setdefault(rows.shape[1], []).append(scaled_rows[name])
     out = {}
     for name, (rows, slope) in draws.items():
         n, z = rows.shape[1], np.concatenate(pools[rows.shape[1]])
@@ -63,30 +63,38 @@ def noise_of(draws, moved_hz=JITTER):
             raise ConfigError(
                 f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
             )
-        r = OWN * own[name].T @ own[name] / (len(rows) - 1) + (1 - OWN) * z.T @ z / dof
+        r = (
+            CONDITION_WEIGHT * scaled_rows[name].T @ scaled_rows[name] / (len(rows) - 1)
+            + (1 - CONDITION_WEIGHT) * z.T @ z / dof
+        )
         c = r * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
-        whole = np.sqrt(np.diag(c))
-        out[name] = Noise(whole, np.linalg.cholesky(c / np.outer(whole, whole)))
+        total_sigma = np.sqrt(np.diag(c))
+        out[name] = Noise(total_sigma, np.linalg.cholesky(c / np.outer(total_sigma, total_sigma)))
     level = np.sqrt(_mean_square(out, {k: deviations(rows) for k, (rows, _) in draws.items()}))
     return {name: n._replace(chol=level * n.chol) for name, n in out.items()}
 
 
-def left_out(draws):
+def split_draws(draws):
     """FOLDS times: {condition: Noise} without some draws, {condition: (n, features)} of those less the others' mean."""
     count = len(next(iter(draws.values()))[0])
     for fold in range(FOLDS):
         out = np.arange(count) % FOLDS == fold
-        kept = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
+        training_draws = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
         size = np.sqrt(1 + 1 / np.sum(~out))
-        yield noise_of(kept, JITTER[~out]), {k: (v[out] - v[~out].mean(axis=0)) / size for k, (v, _) in draws.items()}
+        yield (
+            estimate_noise(training_draws, JITTER[~out]),
+            {k: (v[out] - v[~out].mean(axis=0)) / size for k, (v, _) in draws.items()},
+        )
 
 
-def gain_of(draws):
+def compute_noise_gain(draws):
     """Factor on whitened data that makes them as large as the draws are which the noise is made of.
 
     Those are inside their own covariance, data are not: 1 over the rms of draws left out, FOLDS times.
     """
-    return float(1 / np.sqrt(np.mean([_mean_square(noise, apart) for noise, apart in left_out(draws)])))
+    return float(
+        1 / np.sqrt(np.mean([_mean_square(noise, excluded_draws) for noise, excluded_draws in split_draws(draws)]))
+    )
 
 
 def deviations(rows):

@@ -15,10 +15,10 @@ import math
 
 import numpy as np
 
-from testbench.config.toml_text import toml_of
+from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_runs
-from testbench.measured.closed_loop.loop_even import AIM
+from testbench.measured.closed_loop.loop_difference_plant import AIM
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.tracing.problem.problem import PredictionFailed, Problem, Segment
 
@@ -45,21 +45,21 @@ def corners(recorded):
             id=f"next{k + 1}", a_um=a_um, rate_dps=dps, from_dps=-dps, temperature_degc=TEMPERATURES_DEGC[j],
             detune_deg=DETUNINGS_DEG[m], role="fit", rate_ramp_dps_s=0.0, temperature_ramp_k_s=0.0,
         )  # fmt: skip
-        out.append(c._replace(seconds=like(c, recorded).seconds))
+        out.append(c._replace(seconds=select_similar(c, recorded).seconds))
     return out
 
 
-def like(condition, recorded):
+def select_similar(condition, recorded):
     """The recorded condition that is most alike."""
 
-    def distance(c):
-        apart = ((getattr(c, name) - getattr(condition, name)) / one for name, one in ALIKE)
-        return math.log2(c.a_um / condition.a_um) ** 2 + sum(v * v for v in apart)
+    def dissimilarity(c):
+        differences = ((getattr(c, name) - getattr(condition, name)) / one for name, one in ALIKE)
+        return math.log2(c.a_um / condition.a_um) ** 2 + sum(v * v for v in differences)
 
-    return min(recorded, key=distance)
+    return min(recorded, key=dissimilarity)
 
 
-def second(recorded):
+def second_amplitudes(recorded):
     """`plan.Condition`s with another amplitude at each temperature that has only one."""
     least, most, at = min(c.a_um for c in recorded), max(c.a_um for c in recorded), {}
     for c in recorded:
@@ -74,30 +74,32 @@ def second(recorded):
     return out
 
 
-def shadowed(of):
+def describe_shadowed_laws(problem):
     """Lines on laws of the catalogue that a temperature coefficient takes, and the conditions that would show them."""
-    recorded = [c for c in of.conditions.values() if c.role == "fit"]
-    conditions = ", ".join(f"{c.a_um:g} um at {c.temperature_degc:g} degC" for c in second(recorded))
-    slopes = [k for k, n in enumerate(of.nuisances) if n.name.partition(".")[2] in SLOPES]
-    if not of.starts or not slopes or not conditions:
+    recorded = [c for c in problem.conditions.values() if c.role == "fit"]
+    conditions = ", ".join(f"{c.a_um:g} um at {c.temperature_degc:g} degC" for c in second_amplitudes(recorded))
+    slopes = [k for k, n in enumerate(problem.nuisances) if n.name.partition(".")[2] in SLOPES]
+    if not problem.starts or not slopes or not conditions:
         return ()
-    j = of.fitted(of.tangent) * [n.prior_sd for n in of.nuisances]
-    taken = {}
-    for law in of.laws:
-        column = of.fitted(of.column(law.name))
-        free = _left(j, column)
-        held = {k: _left(np.delete(j, k, axis=1), column) for k in slopes}
-        most = max(held, key=held.get)
-        if free < SHADOWED * held[most]:
-            taken.setdefault(of.nuisances[most].name, []).append(f"{law.name} ({free / held[most]:.0%} left)")
+    j = problem.stack_fit_rows(problem.tangent) * [n.prior_sd for n in problem.nuisances]
+    shadowed_names = {}
+    for law in problem.laws:
+        column = problem.stack_fit_rows(problem.column(law.name))
+        free = _unexplained_sigmas(j, column)
+        fixed_sigmas = {k: _unexplained_sigmas(np.delete(j, k, axis=1), column) for k in slopes}
+        most = max(fixed_sigmas, key=fixed_sigmas.get)
+        if free < SHADOWED * fixed_sigmas[most]:
+            shadowed_names.setdefault(problem.nuisances[most].name, []).append(
+                f"{law.name} ({free / fixed_sigmas[most]:.0%} left)"
+            )
     return tuple(
         f"not identifiable beside {key}: {', '.join(names)}; to fix it: a second amplitude at two temperatures or more "
         f"({conditions})"
-        for key, names in taken.items()
+        for key, names in shadowed_names.items()
     )
 
 
-def _left(nuisances, column):
+def _unexplained_sigmas(nuisances, column):
     """Sigmas of a whitened column that nuisances in units of their priors leave."""
     a = np.concatenate([nuisances, np.eye(nuisances.shape[1])])
     b = np.concatenate([column, np.zeros(nuisances.shape[1])])
@@ -117,39 +119,39 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
         self.columns = {name: dict(of.column(name)) for name in laws}
         # steps that move the recorded features by AIM sigmas
         steps = {name: AIM / max(of.size(v), 1e-300) for name, v in self.columns.items()}
-        for c in corners(recorded) + (second(recorded) if of.starts else []):
-            near = like(c, recorded).id
-            found = self._tangents(c, near, steps)
-            if found is not None:
-                self.conditions[c.id], self.likes[c.id], self.tangent[c.id] = c, near, found[0]
-                for name, column in zip(laws, found[1]):
+        for c in corners(recorded) + (second_amplitudes(recorded) if of.starts else []):
+            recorded_id = select_similar(c, recorded).id
+            tangents = self._tangents(c, recorded_id, steps)
+            if tangents is not None:
+                self.conditions[c.id], self.likes[c.id], self.tangent[c.id] = c, recorded_id, tangents[0]
+                for name, column in zip(laws, tangents[1]):
                     self.columns[name][c.id] = column
         rows = {s.group: (k, s) for k, s in enumerate(of.segments)}
-        self.likes = {g: rows[near] for g, near in self.likes.items()}
+        self.likes = {g: rows[recorded_id] for g, recorded_id in self.likes.items()}
         self.segments = tuple(
             Segment(g, {k: getattr(c, k) for k in PRINTED}, g, 0, "fit", self.likes[g][1].observables)
             for g, c in ((g, _printed(c)) for g, c in self.conditions.items())
         )
         self.hashes = of.hashes | {"offered": of.key([*self.conditions.values()], sorted(laws))}
 
-    def _tangents(self, condition, near, steps):
+    def _tangents(self, condition, recorded_id, steps):
         """(nuisances' columns, laws' columns) at a condition; None without a lock or where one fails."""
         names, laws = [n.name for n in self.nuisances], list(self.columns)
         try:
-            tangents = Tangents(self.of.alone_at(condition, near))
+            tangents = Tangents(self.of.single_condition_problem(condition, recorded_id))
             for name in laws:
                 sign = self.of.candidates[name].law.sign or 1
                 tangents.steps[name] = sign * min(steps[name], tangents.largest(name))
             tangents.steps.update((n, s) for n, s in self.of.tangents.steps.items() if n in names)
             tangents.make([*names, *laws])
-            found = tangents.matrix("fit")[condition.id], [tangents.alone(n)[condition.id] for n in laws]
+            columns = tangents.matrix("fit")[condition.id], [tangents.direct_column(n)[condition.id] for n in laws]
         except (ConfigError, PredictionFailed):
             return None
-        return found if all(np.isfinite(v).all() for v in (found[0], *found[1])) else None
+        return columns if all(np.isfinite(v).all() for v in (columns[0], *columns[1])) else None
 
-    def measured(self, k):
+    def segment_features(self, k):
         """Nothing has been measured: zeros."""
-        return np.zeros(len(self.of.measured(self.likes[self.segments[k].group][0])))
+        return np.zeros(len(self.of.segment_features(self.likes[self.segments[k].group][0])))
 
     def predict(self, points, which):
         out = []
@@ -158,7 +160,7 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
             for g in (self.segments[k].group for k in which):
                 y = self.tangent[g] @ (np.asarray(theta) - self.of.first)
                 y = y + sum(self.columns[name][g] * effects[name] for name in sorted(effects))
-                out[-1].append(y[: len(self.measured(which[0]))])
+                out[-1].append(y[: len(self.segment_features(which[0]))])
         return out
 
     def whiten(self, k, v):
@@ -168,7 +170,7 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
         """The condition as a plan of a recording takes it."""
         s = self.segments[k]
         rows = [("id", s.group), *s.condition.items()]
-        return "\n".join(["[[condition]]", *(f"{key} = {toml_of(value)}" for key, value in rows)])
+        return "\n".join(["[[condition]]", *(f"{key} = {short_toml(value)}" for key, value in rows)])
 
 
 def _printed(c):

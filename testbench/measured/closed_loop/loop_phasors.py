@@ -43,7 +43,7 @@ def phasors(theta, values):
     return np.array(out)
 
 
-def _words(words, step):
+def _word_means(words, step):
     """(2, blocks) means of words and of their changes a frame: an electrode follows its word by some frames."""
     words = words.astype(float)
     return np.stack([words, np.gradient(words)]).reshape(2, -1, step).mean(axis=2)
@@ -54,23 +54,27 @@ def probe(bench, run):
     rate = np.deg2rad(loop_runs.before_dps(run.condition)) + KICK_RAD_S
     out = bench.probed(run, PROBED_FRAMES, rate)
     theta = out.probe_ints[:, 0] / TURN
-    seen = {name: phasors(theta, out.probe_floats[:, engine.PROBE_FLOATS.index(node)]) for name, node in NODES.items()}
+    node_phasors = {
+        name: phasors(theta, out.probe_floats[:, engine.PROBE_FLOATS.index(node)]) for name, node in NODES.items()
+    }
     step = WINDOW_TICKS // FRAME_TICKS
-    at = {name: seen[name].mean() for name in ("x", "cx")}
+    state_phasors = {name: node_phasors[name].mean() for name in ("x", "cx")}
     config, tick_turns = run.model.config, np.mean(np.diff(theta) % 1.0)
     leads = build.electrode_leads(config, config.device())
     for name, column, lead in (("u", AMPLITUDE, leads[0]), ("w", FORCE, leads[1])):
-        words = _words(out.frames[: step * len(seen[name]), column], step)
+        words = _word_means(out.frames[: step * len(node_phasors[name]), column], step)
         # a port takes the mean of a staircase, which is that much further on
-        at[name] = np.linalg.lstsq(words.T, seen[name], rcond=None)[0] * np.exp(2j * np.pi * lead * tick_turns)
-    at["cy"] = np.vdot(seen["y"], seen["cy"]) / np.vdot(seen["y"], seen["y"])
-    return at
+        state_phasors[name] = np.linalg.lstsq(words.T, node_phasors[name], rcond=None)[0] * np.exp(
+            2j * np.pi * lead * tick_turns
+        )
+    state_phasors["cy"] = np.vdot(node_phasors["y"], node_phasors["cy"]) / np.vdot(node_phasors["y"], node_phasors["y"])
+    return state_phasors
 
 
-def trajectory(run, at, rows):
+def trajectory(run, state_phasors, rows):
     """{state: (blocks,) phasors} of a run's rows, rate (rad/s), temperature and s from power-on; `at`: see `probe`."""
     first, settle = loop_runs.settling(run) % loop_runs.BLOCK, loop_runs.settling(run)
-    end = settle + loop_runs.frames_of(run.condition.seconds)
+    end = settle + loop_runs.frame_count(run.condition.seconds)
     end -= (end - first) % loop_runs.BLOCK
 
     def mean(values):
@@ -78,12 +82,15 @@ def trajectory(run, at, rows):
 
     x, vx, y, vy, temp, rate = rows.truth[:end].T
     quarter = np.sqrt(np.mean(x[first:] ** 2) / np.mean(vx[first:] ** 2))
-    out = {"y": at["x"] * mean((y - 1j * quarter * vy) / (x - 1j * quarter * vx))}
+    out = {"y": state_phasors["x"] * mean((y - 1j * quarter * vy) / (x - 1j * quarter * vx))}
     words = {"u": AMPLITUDE, "w": FORCE}
-    out |= {name: at[name] @ _words(rows.frames[first:end, column], loop_runs.BLOCK) for name, column in words.items()}
-    out |= {name: np.full(len(out["y"]), at[name]) for name in ("x", "cx")}
+    out |= {
+        name: state_phasors[name] @ _word_means(rows.frames[first:end, column], loop_runs.BLOCK)
+        for name, column in words.items()
+    }
+    out |= {name: np.full(len(out["y"]), state_phasors[name]) for name in ("x", "cx")}
     w_rad_s = 2 * np.pi * features.HZ * rows.frames[end - 1, FREQUENCY]
-    out |= {"vx": 1j * w_rad_s * out["x"], "vy": 1j * w_rad_s * out["y"], "cy": at["cy"] * out["y"]}
+    out |= {"vx": 1j * w_rad_s * out["x"], "vy": 1j * w_rad_s * out["y"], "cy": state_phasors["cy"] * out["y"]}
     t_s = (
         loop_runs.begin_tick(run) / FRAME_TICKS + first + loop_runs.BLOCK * (np.arange(len(out["y"])) + 0.5)
     ) / FRAME_HZ
@@ -115,8 +122,8 @@ def envelope(one, states, temp_ref_degc):
     first, third, fifth = (2 / POINTS * np.sum(value * np.conj(turn) ** n, axis=1) for n in (1, 3, 5))
     if one.port in law.FORCE_PORTS:
         return first
-    seen = np.real(first) - np.real(third) / 3 + np.real(fifth) / 5
-    return (seen + 1j * (np.imag(first) + np.imag(third) / 3 + np.imag(fifth) / 5)) * about
+    in_phase = np.real(first) - np.real(third) / 3 + np.real(fifth) / 5
+    return (in_phase + 1j * (np.imag(first) + np.imag(third) / 3 + np.imag(fifth) / 5)) * about
 
 
 def shares(one, states, temp_ref_degc):

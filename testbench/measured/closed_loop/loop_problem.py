@@ -23,8 +23,14 @@ from scipy.linalg import solve_triangular
 from testbench.config import law_file
 from testbench.measured.closed_loop import loop_runs, loop_spectra
 from testbench.measured.closed_loop.loop_anchor import LOOK, AnchoredLoop
-from testbench.measured.closed_loop.loop_noise import NOISE_DRAWS, deviations, gain_of, left_out, noise_of
-from testbench.measured.closed_loop.loop_offers import Offered, shadowed
+from testbench.measured.closed_loop.loop_noise import (
+    NOISE_DRAWS,
+    compute_noise_gain,
+    deviations,
+    estimate_noise,
+    split_draws,
+)
+from testbench.measured.closed_loop.loop_offers import Offered, describe_shadowed_laws
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
 from testbench.tracing.noise import findings
@@ -44,7 +50,7 @@ class Measured(NamedTuple):
     densities: MappingProxyType = MappingProxyType({})  # {condition id: loop_spectra.densities of its dwells}
 
 
-class Kept:
+class LoopCache:
     """Anchors, tangents and noise by what they depend on: trials under the same conditions share them."""
 
     def __init__(self):
@@ -61,19 +67,21 @@ class LoopProblem(AnchoredLoop):
 
     library_late = True
 
-    def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, kept=None, progress=None):
+    def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, cache=None, progress=None):
         # runs are shared by all records at one time from power-on; laws that ask for it have that of the record
         self.after = {c.id: c.settle_s for c in measured.conditions}
         conditions = tuple(c._replace(settle_s=loop_runs.SETTLE_S) for c in measured.conditions)
         measured = measured._replace(conditions=conditions)
         self.name, self.recorded, self.model = measured.name, measured, model
         self.parameters, self.progress = tuple(nuisances), progress
-        self.bench, self.kept = bench or loop_runs.Bench(), kept or Kept()
+        self.bench, self.kept = bench or loop_runs.Bench(), cache or LoopCache()
         # what is fitted as a nuisance is no law beside it
-        known = {p.key for p in self.parameters}
-        candidates, library = ([c for c in laws if c.key not in known] for laws in (candidates, library))
+        nuisance_keys = {p.key for p in self.parameters}
+        candidates, library = ([c for c in laws if c.key not in nuisance_keys] for laws in (candidates, library))
         self.candidates = {c.law.name: c for c in (*candidates, *library)}
-        self.timed = frozenset(name for name, c in self.candidates.items() if c.timed(model.device()))
+        self.is_time_dependent = frozenset(
+            name for name, c in self.candidates.items() if c.is_time_dependent(model.device())
+        )
         self.nuisances = tuple(Nuisance(p.key, p.unit, *p.normal()) for p in self.parameters)
         self.laws, self.library = tuple(c.law for c in candidates), tuple(c.law for c in library)
         self.linear_in = frozenset([n.name for n in self.nuisances] + list(self.candidates))
@@ -84,29 +92,29 @@ class LoopProblem(AnchoredLoop):
         self.per_hz = 8 * np.pi**2 * model.plant.mass_kg * model.plant.fx_hz
         self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
         self._count = {c.id: len(loop_runs.bins(c)) - 1 for c in measured.conditions}
-        self.slope = {c.id: _of_frequency(c) for c in measured.conditions}
+        self.slope = {c.id: _frequency_slope(c) for c in measured.conditions}
         self.place, self._densities = dict.fromkeys(self.conditions, 0.0), {}
-        self._put()
+        self._set_frequency_offsets()
         draws = self._draws(NOISE_DRAWS, power_on=True)
         fitted = {g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()}
-        self._noise, self.noise_gain = noise_of(fitted), gain_of(fitted)
+        self._noise, self.noise_gain = estimate_noise(fitted), compute_noise_gain(fitted)
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
         self.anchors, self.draws, self.tangent = 0, LOOK, None
-        self.first = np.array([p.first for p in self.parameters])
+        self.start_value = np.array([p.start_value for p in self.parameters])
         self.starts = tuple(p.start for p in self.parameters if p.start is not None)
         self.least_d = WIDE_LEAST_D if self.starts else 0.0
         self.anchor(self.first, {})
         self.tangents = Tangents(self)
         for names in (self.nuisances, self.laws):
-            self.tangents.make(self.tangents.own([item.name for item in names]))
+            self.tangents.make(self.tangents.select_direct([item.name for item in names]))
         self.tangent = self.tangents.matrix("fit") | self.tangents.matrix("validate")
-        self.noise_along = self._along(fitted) if self.laws else 1.0
+        self.noise_along = self._law_noise_ratio(fitted) if self.laws else 1.0
         if any(np.any(v) for v in measured.values.values()):
             self.settle()
 
-    def measured(self, k):
+    def segment_features(self, k):
         s = self.segments[k]
         return self.recorded.values[s.group][s.repeat][: self._sizes[s.group]]
 
@@ -130,40 +138,43 @@ class LoopProblem(AnchoredLoop):
         rows = deviations(self._begun[group][:, : self._sizes[group]])
         return (rng.choice((-1.0, 1.0), size=(count, 1)) * rows[rng.integers(len(rows), size=count)]).T
 
-    def _along(self, draws):
+    def _law_noise_ratio(self, draws):
         """Mean square of draws left out along the laws, in units of that of all their rows: loop_noise."""
         other, out = copy.copy(self), []
-        for other._noise, apart in left_out(draws):
-            one = {g: v.T / np.sqrt(len(self.recorded.values[g])) for g, v in apart.items()}
-            out.append(np.mean(other.pseudo(one) ** 2) / np.mean(other.fitted(one) ** 2))
+        for other._noise, excluded_draws in split_draws(draws):
+            one = {g: v.T / np.sqrt(len(self.recorded.values[g])) for g, v in excluded_draws.items()}
+            out.append(np.mean(other.pseudo(one) ** 2) / np.mean(other.stack_fit_rows(one) ** 2))
         return float(np.mean(out))
 
-    def floor(self, k):
+    def repeatability_rms(self, k):
         n, s = self._noise[self.segments[k].group], self.segments[k]
         return {o.name: float(np.sqrt(np.mean(n.sigma[o.rows] ** 2))) for o in s.observables}
 
     @property
     def noise_findings(self):
         """Noise of the channels within the dwells against that of the draws at the anchor."""
-        seen, model = (
+        recorded, model = (
             {g: d for g, d in of.items() if len(d) and all(v is not None for v in d)}
             for of in (self.recorded.densities, self._densities)
         )
-        return tuple(findings.of_frames(seen, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
+        return tuple(findings.frame_findings(recorded, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
 
-    def unsupported(self, law):
-        courses = [f.argument for one in self.candidates[law].at_ports(self.model.device()) for f in one.factors
-                   if f.name == "lag"]  # fmt: skip
-        seen = max(self.after[c.id] + c.seconds for c in self.conditions.values()) - min(self.after.values())
-        if not courses or seen >= max(courses):
+    def unsupported_reason(self, law):
+        time_constants_s = [f.argument for one in self.candidates[law].port_laws(self.model.device())
+                            for f in one.factors if f.name == "lag"]  # fmt: skip
+        observed_s = max(self.after[c.id] + c.seconds for c in self.conditions.values()) - min(self.after.values())
+        if not time_constants_s or observed_s >= max(time_constants_s):
             return ""
-        return f"its time constant is {max(courses):g} s, and the dwells show {seen:.2g} s of the time from power-on"
+        return (
+            f"its time constant is {max(time_constants_s):g} s, and the dwells show {observed_s:.2g} s of the "
+            "time from power-on"
+        )
 
     def experiments(self, laws):
         return Offered(self, laws)
 
     def unidentifiable(self, fit):
-        return (*super().unidentifiable(fit), *shadowed(self))
+        return (*super().unidentifiable(fit), *describe_shadowed_laws(self))
 
     def law_file(self, law, value, sd, hashes):
         """A law of the grammar as a file that `effects.files` and `gyro golden effect --law` take.
@@ -177,7 +188,7 @@ class LoopProblem(AnchoredLoop):
                 f"[{section}]\n{field} = {getattr(getattr(now, section), field)!r}  # sd {float(sd):.3g} {law.unit}\n"
             )
         name = re.sub(r"\W+", "_", law.name).strip("_")
-        texts = self.candidates[law.name].texts(float(value))
+        texts = self.candidates[law.name].law_texts(float(value))
         return law_file.text(law_file.LawFile(name, texts, (float(sd),), tuple(hashes.items())))
 
     def whitened_rows(self, k):
@@ -189,7 +200,7 @@ class Fine:
     """The segments of a `LoopProblem` in bins of loop_runs.FINE frames: for held-out errors, nothing is fitted here."""
 
     def __init__(self, problem, draws):
-        self._of, self._draws = problem, {g: deviations(v) for g, v in draws.items()}
+        self._problem, self._draws = problem, {g: deviations(v) for g, v in draws.items()}
         self.segments = tuple(
             s._replace(
                 observables=tuple(
@@ -202,16 +213,16 @@ class Fine:
 
     @property
     def prediction_noise(self):
-        return self._of.prediction_noise
+        return self._problem.prediction_noise
 
-    def measured(self, k):
-        s, whole = self.segments[k], self._of.recorded
-        return whole.values[s.group][s.repeat][loop_runs.size(self._of.conditions[s.group]) :]
+    def segment_features(self, k):
+        s, recorded = self.segments[k], self._problem.recorded
+        return recorded.values[s.group][s.repeat][loop_runs.size(self._problem.conditions[s.group]) :]
 
     def predict(self, points, which):
         groups = [self.segments[k].group for k in which]
         return [
-            [self._of.linear(theta, c, g)[loop_runs.size(self._of.conditions[g]) :] for g in groups]
+            [self._problem.linear(theta, c, g)[loop_runs.size(self._problem.conditions[g]) :] for g in groups]
             for theta, c in points
         ]
 
@@ -220,12 +231,12 @@ class Fine:
         rows = self._draws[self.segments[k].group]
         return rows[rng.integers(len(rows), size=count)].T
 
-    def floor(self, k):
+    def repeatability_rms(self, k):
         rows, s = self._draws[self.segments[k].group], self.segments[k]
         return {o.name: float(np.sqrt(np.mean(rows[:, o.rows] ** 2))) for o in s.observables}
 
 
-def _of_frequency(condition):
+def _frequency_slope(condition):
     """Change of the features per hertz of drive frequency: that of the frequency word."""
     out = [
         np.repeat(np.array(loop_runs.NAMES) == "f_word", len(edges) - 1)

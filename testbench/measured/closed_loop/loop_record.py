@@ -27,7 +27,7 @@ from testbench.measured.record.plan import Condition
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import features, parameters
 from testbench.run import build
-from testbench.storage.hdf5_input import looks_like_hdf5, open_hdf5
+from testbench.storage.hdf5_input import is_hdf5, open_hdf5
 from testbench.storage.record import SCHEMA
 
 FRAME_HZ = 8000
@@ -40,7 +40,7 @@ def is_record(path):
     """True if the content is a closed-loop record."""
     if os.path.isdir(path):
         return os.path.exists(path / "record.json")
-    if not looks_like_hdf5(path):
+    if not is_hdf5(path):
         return False
     with open_hdf5(path) as file:
         return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0]) and "segments" in file
@@ -79,19 +79,19 @@ def setpoints(record, model, s):
     Else what the registers hold: a stated set-point of three digits would be taken for an effect. ConfigError for
     other registers that the model does not set.
     """
-    held = bank(record, (s.first + s.frames) * FRAME_CYCLES)
-    known = registers.State()._asdict() | dict(build.register_writes(model))
+    bank_values = bank(record, (s.first + s.frames) * FRAME_CYCLES)
+    model_registers = registers.State()._asdict() | dict(build.register_writes(model))
     for name in MODELLED:
-        if name in held and held[name][0] != known[name]:
-            raw, source = held[name]
-            raise ConfigError(f"{source}: {name} = {raw}, the configuration of the model sets {known[name]}")
+        if name in bank_values and bank_values[name][0] != model_registers[name]:
+            raw, source = bank_values[name]
+            raise ConfigError(f"{source}: {name} = {raw}, the configuration of the model sets {model_registers[name]}")
     a_um, detune, nominal = float(s.a_set), float(s.detune), build.nominal(model)
-    raw = held.get("amplitude_setpoint", (None,))[0]
+    raw = bank_values.get("amplitude_setpoint", (None,))[0]
     if raw not in (None, agc.setpoint(a_um, nominal["v_per_um"], nominal["adc_drive_v"])):
         a_um = raw / (nominal["v_per_um"] / nominal["adc_drive_v"] * 2**23 * float(cordic.gain()))
-    raw, own = held.get("phase_drive_sine", (None,))[0], model.firmware.phase_words()[0]
-    if raw not in (None, (phase_word(detune) + own) % loop_runs.TURN):
-        detune = math.remainder((raw - own) / loop_runs.TURN, 1.0) * 360
+    raw, model_word = bank_values.get("phase_drive_sine", (None,))[0], model.firmware.phase_words()[0]
+    if raw not in (None, (phase_word(detune) + model_word) % loop_runs.TURN):
+        detune = math.remainder((raw - model_word) / loop_runs.TURN, 1.0) * 360
     return a_um, detune
 
 
@@ -99,9 +99,9 @@ def _course(record, s, quantity):
     """(value at a segment's begin, its change per second) by /stimulus; ConfigError if it is no straight line."""
     stated, begin = Stated(record, quantity), s.first * FRAME_CYCLES
     end = begin + s.frames * FRAME_CYCLES
-    rows = stated.within(begin, end)
+    rows = stated.rows_between(begin, end)
     limit = (rate_limit if quantity == "rate" else temp_limit)(stated, rows[-1])
-    if len(rows) < 2 or stated.spread(rows) <= limit:
+    if len(rows) < 2 or stated.value_range(rows) <= limit:
         return float(s.rate_set if quantity == "rate" else s.temp_set), 0.0
     edges = np.clip([*stated.edges[rows.start : rows.stop], end], begin, end)
     middle_s = ((edges[1:] + edges[:-1]) / 2 - begin) / (FRAME_CYCLES * FRAME_HZ)
@@ -147,21 +147,21 @@ def measured_features(record, name, hashes):
     if "fit" not in {c.role for c in groups.values()}:
         raise ConfigError("/segments: none has the role fit, tracing needs one or more")
     for c in groups.values():
-        if loop_runs.frames_of(c.seconds) < loop_runs.FINE:
+        if loop_runs.frame_count(c.seconds) < loop_runs.FINE:
             raise ConfigError(f"/segments {c.id}: {c.seconds:g} s, tracing needs {loop_runs.FINE} frames or more")
 
     def columns(s):
         return {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
 
-    def of_segment(c, s):
+    def segment_vector(c, s):
         return loop_runs.feature_vector(c, columns(s), lsb, fine=True)
 
-    out = {key: np.array([of_segment(groups[key], s) for s in members]) for key, members in values.items()}
-    seen = {
-        key: [loop_spectra.densities(columns(s), loop_runs.frames_of(groups[key].seconds)) for s in members]
+    out = {key: np.array([segment_vector(groups[key], s) for s in members]) for key, members in values.items()}
+    densities = {
+        key: [loop_spectra.densities(columns(s), loop_runs.frame_count(groups[key].seconds)) for s in members]
         for key, members in values.items()
     }
-    return loop_problem.Measured(name, tuple(groups.values()), out, hashes, seen)
+    return loop_problem.Measured(name, tuple(groups.values()), out, hashes, densities)
 
 
 def _settle_s(record, members):
@@ -177,15 +177,15 @@ def _settle_s(record, members):
     return round(TIME_S * round((after_s - loop_runs.START_TICKS / TICK_HZ) / TIME_S), 6)
 
 
-def held_out_apart(record):
+def has_independent_holdout(record):
     """True if no power-on has both fitted and held-out segments: what is held out is of another session."""
     starts = [s.first for s in sessions(record)]
-    of = {role: {np.searchsorted(starts, s.first, "right") for s in segments(record) if s.role == role}
+    power_ons = {role: {np.searchsorted(starts, s.first, "right") for s in segments(record) if s.role == role}
           for role in ("fit", "validate")}  # fmt: skip
-    return not of["fit"] & of["validate"]
+    return not power_ons["fit"] & power_ons["validate"]
 
 
-def open_record(paths, options, calibrated=None, bench=None, kept=None):
+def open_record(paths, options, calibrated=None, bench=None, cache=None):
     """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N.
 
     calibrated  function(data, model, record, bench) -> (model, parameters, lines) from priors that are too wide for a
@@ -195,7 +195,7 @@ def open_record(paths, options, calibrated=None, bench=None, kept=None):
     if len(paths) != 1 or not is_record(paths[0]):
         return None
     loaded = load.load(paths[0])
-    if not schema.known_map(loaded.record):
+    if not schema.has_supported_map(loaded.record):
         text = "regmap_sha256 is another firmware's, and tracing runs this one in its loop"
         raise ConfigError(f"{paths[0]}: {text}; gyro measured residuals --kind R1 and calibrate do not")
     record, lacking = words.completed(loaded.record)
@@ -204,9 +204,9 @@ def open_record(paths, options, calibrated=None, bench=None, kept=None):
     data = measured_features(record, paths[0].name, hashes)
     library = () if options.get("grammar") == "no" else loop_laws.from_grammar()
     bench = bench or loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
-    found = calibrated(data, model, record, bench) if calibrated else None
-    model, wanted, lines = found or (model, parameters.declared(record), ())
-    problem = loop_problem.LoopProblem(data, model, wanted, loop_laws.from_catalogue(), library, bench, kept)
+    calibration = calibrated(data, model, record, bench) if calibrated else None
+    model, nuisances, lines = calibration or (model, parameters.read_parameters(record), ())
+    problem = loop_problem.LoopProblem(data, model, nuisances, loop_laws.from_catalogue(), library, bench, cache)
     quality = tuple(str(f) for of in (adc_codes, dac_range) for f in of.findings(record))
     problem.warnings = (
         *loaded.warnings,
@@ -214,7 +214,7 @@ def open_record(paths, options, calibrated=None, bench=None, kept=None):
         *((f"words are not replayed: {lacking}",) if lacking else ()),
         *lines,
     )
-    problem.heldout_independent = held_out_apart(record)
+    problem.heldout_independent = has_independent_holdout(record)
     if loaded.blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")
     r0 = loaded.residual

@@ -17,7 +17,7 @@ from scipy.signal import fftconvolve
 from analog_frontend.effects import law
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.measured.closed_loop import loop_phasors, loop_runs
-from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
+from testbench.measured.closed_loop.loop_difference_plant import AIM, FREQUENCY_TOLERANCE_HZ, use_uniform_references
 from testbench.measured.closed_loop.loop_phasors import BASIS
 
 SMALL = 1e-9  # share of the rest, of the whole, below which there is none
@@ -43,50 +43,51 @@ class Responses:
     def __init__(self, of, role):
         self.of, self.conditions = of, [c for c in of.conditions.values() if c.role == role]
         self.base_model = of.model_at(of.first, {})
-        self.base_model = self.base_model._replace(config=even(self.base_model.config))
+        self.base_model = self.base_model._replace(config=use_uniform_references(self.base_model.config))
         self.at, self.kept = {}, {}
-        wanted = [(self.base_model, c, 0, 0.0) for c in self.conditions]
-        for c, (rows, states) in zip(self.conditions, of.smooth(wanted, self._base)):
+        requests = [(self.base_model, c, 0, 0.0) for c in self.conditions]
+        for c, (rows, states) in zip(self.conditions, of.smooth(requests, self._base)):
             self.at[c.id] = rows, states
         self._make()
 
     def _base(self, run, rows):
-        known = loop_phasors.probe(self.of.bench, run)
-        return loop_runs.blocks(run, rows), loop_phasors.trajectory(run, known, rows)
+        state_phasors = loop_phasors.probe(self.of.bench, run)
+        return loop_runs.block_means(run, rows), loop_phasors.trajectory(run, state_phasors, rows)
 
     def _dwell(self, c):
         """First block of the dwell, and its time in s from power-on, half a frame early."""
-        run = self.of.run_of(self.base_model, c, 0)
+        run = self.of.make_run(self.base_model, c, 0)
         settle = loop_runs.settling(run)
         return settle // loop_runs.BLOCK, (loop_runs.begin_tick(run) + (settle - 0.5) * FRAME_TICKS) / TICK_HZ
 
-    def _steps(self, c, base):
+    def _slow_functions(self, c, base):
         """{number: text} of the slow functions at a base: 0 constant, 1 a step where the rate has one."""
         out = {} if base == FREQUENCY else {0: ""}
         return out | ({1: f"step({self._dwell(c)[1]:.7f})"} if loop_runs.before_dps(c) != c.rate_dps else {})
 
-    def _blocks(self, wanted):
+    def _block_changes(self, excitations):
         """{key: change of the blocks} of {key: (condition, port, state, step, coefficient)}; frequency held."""
-        per_hz, todo, out = self.of.per_hz, list(wanted), {}
+        per_hz, todo, out = self.of.per_hz, list(excitations), {}
         hertz = {
-            key: -v / per_hz if (port, state) == FREQUENCY else 0.0 for key, (_, port, state, _, v) in wanted.items()
+            key: -v / per_hz if (port, state) == FREQUENCY else 0.0
+            for key, (_, port, state, _, v) in excitations.items()
         }
         for _ in range(2):
-            asked = []
+            requests = []
             for key in todo:
-                c, port, state, step, value = wanted[key]
+                c, port, state, step, value = excitations[key]
                 # what steps the frequency itself is held at its end: it has another before the dwell
-                held = f"force_x = {per_hz * hertz[key]!r} {'' if (port, state) == FREQUENCY else step} x"
-                laws = (*self.base_model.laws, f"{port} = {value!r} {step} {state}", held)
-                asked.append((self.base_model._replace(laws=laws), c, 0, 0.0))
+                frequency_law = f"force_x = {per_hz * hertz[key]!r} {'' if (port, state) == FREQUENCY else step} x"
+                laws = (*self.base_model.laws, f"{port} = {value!r} {step} {state}", frequency_law)
+                requests.append((self.base_model._replace(laws=laws), c, 0, 0.0))
             again = []
-            for key, rows in zip(todo, self.of.smooth(asked, loop_runs.blocks)):
-                c, step = wanted[key][0], wanted[key][3]
+            for key, rows in zip(todo, self.of.smooth(requests, loop_runs.block_means)):
+                c, step = excitations[key][0], excitations[key][3]
                 change = rows - self.at[c.id][0]
                 more = float(change[F_WORD, -1])
                 change[F_WORD, self._dwell(c)[0] if step else 0 :] += hertz[key]
                 out[key] = change
-                if abs(more) > HELD_HZ:
+                if abs(more) > FREQUENCY_TOLERANCE_HZ:
                     hertz[key] += more
                     again.append(key)
             todo = again
@@ -99,32 +100,38 @@ class Responses:
     def _make(self):
         """{(condition, port, state, step): change of the blocks per unit of a share}."""
         bases = [(port, state) for port, pair in BASIS.items() for state in pair]
-        c = max(self.conditions, key=lambda one: (len(self._steps(one, FREQUENCY)), one.a_um, abs(one.rate_dps)))
-        values = {base: self._first(c, *base) for base in bases}
-        tried = {b: (c, *b, next(iter(self._steps(c, b).values())), values[b]) for b in bases if self._steps(c, b)}
-        for base, change in self._blocks(tried).items():
+        c = max(
+            self.conditions, key=lambda one: (len(self._slow_functions(one, FREQUENCY)), one.a_um, abs(one.rate_dps))
+        )
+        values = {base: self._trial_coefficient(c, *base) for base in bases}
+        tried = {
+            b: (c, *b, next(iter(self._slow_functions(c, b).values())), values[b])
+            for b in bases
+            if self._slow_functions(c, b)
+        }
+        for base, change in self._block_changes(tried).items():
             size = self.of.size({c.id: self.features(c, change)}) * np.sqrt(len(self.of.conditions))
             values[base] *= float(np.clip(AIM / max(size, 1e-3), 1e-3, 1e4))
-        wanted = {
+        excitations = {
             (c.id, *base, step, side): (c, *base, text, side * values[base])
             for c in self.conditions
             for base in bases
-            for step, text in self._steps(c, base).items()
+            for step, text in self._slow_functions(c, base).items()
             for side in (1.0, -1.0)
         }
-        found = self._blocks(wanted)
-        for name, *base, step, side in wanted:
+        changes = self._block_changes(excitations)
+        for name, *base, step, side in excitations:
             if side > 0:
-                both = found[name, *base, step, 1.0] - found[name, *base, step, -1.0]
+                both = changes[name, *base, step, 1.0] - changes[name, *base, step, -1.0]
                 self.kept[name, *base, step] = both / (2 * values[tuple(base)])
 
-    def _first(self, c, port, state):
+    def _trial_coefficient(self, c, port, state):
         """A coefficient that puts 1e-4 of the drive's force, or of the C/V output, into a port."""
         states = self.at[c.id][1]
-        whole = states["cx" if port in law.CV_PORTS else "vx"]
+        reference = states["cx" if port in law.CV_PORTS else "vx"]
         board = self.of.model.plant
         gain = 1.0 if port in law.CV_PORTS else 2 * np.pi * board.fx_hz * board.mass_kg / board.qx
-        return float(1e-4 * gain * np.abs(whole[0]) / np.abs(states[state][0]))
+        return float(1e-4 * gain * np.abs(reference[0]) / np.abs(states[state][0]))
 
     def column(self, laws, later_s):
         """{condition: features per unit} of a sum of `law.Law`s; later_s: {condition: seconds by which it is later}."""
@@ -135,11 +142,11 @@ class Responses:
             temp_ref = self.of.model.plant.temp_ref_degc
             for one in laws:
                 for state, share in zip(BASIS[one.port], loop_phasors.shares(one, states, temp_ref)):
-                    change = change + self._answer(c, (one.port, state), share)
+                    change = change + self._share_response(c, (one.port, state), share)
             out[c.id] = self.features(c, change)
         return out
 
-    def _answer(self, c, base, share):
+    def _share_response(self, c, base, share):
         """Change of the blocks by a share of a basis, (blocks,)."""
         dwell = self._dwell(c)[0]
         settled = share[dwell // 2 : dwell].mean()
@@ -153,10 +160,10 @@ class Responses:
             change = settled * self.kept[c.id, *base, 0]
         if step[-1]:
             change = change + step[-1] * self.kept[c.id, *base, 1]
-        rest = share - settled - step
-        if base != FREQUENCY and np.abs(rest).max() > SMALL * np.abs(share).max():
+        remainder = share - settled - step
+        if base != FREQUENCY and np.abs(remainder).max() > SMALL * np.abs(share).max():
             kernel = np.diff(self.kept[c.id, *base, 0], axis=1, prepend=0.0)
-            change = change + fftconvolve(kernel, rest[None], axes=1)[:, : len(share)]
+            change = change + fftconvolve(kernel, remainder[None], axes=1)[:, : len(share)]
         # V_q at its rail does not answer
         change[V_Q2, self.kept[c.id, *SPRING, 0][V_Q2] == 0.0] = 0.0
         return change

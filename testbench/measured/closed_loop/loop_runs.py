@@ -37,7 +37,9 @@ DEG = math.pi / 180
 EARLY_TICKS = 3_000 * FRAME_TICKS  # from here on the averaged plant holds
 START_TICKS = 14_000 * FRAME_TICKS  # 1.75 s: the slowest start-up has locked, and half a second has passed
 SETTLE_S = 1.5  # from START_TICKS to a dwell, if no record says otherwise: what power-on leaves is below a sigma then
-HELD_S = 2.0  # from a locked state to a dwell: a change of 300 sigmas there leaves 0.2 in loops with zeros at 0.6 Hz
+LOCK_SETTLE_S = (
+    2.0  # from a locked state to a dwell: a change of 300 sigmas there leaves 0.2 in loops with zeros at 0.6 Hz
+)
 LATE = 100  # frames by which a dwell may begin later: nobody knows the drive's phase at a step of the rate
 FIRST_BIN = 64  # frames
 FINE = 64  # frames of each bin in which held-out errors are told
@@ -69,19 +71,19 @@ class Run(NamedTuple):
     smooth: bool = False  # of the averaged plant: codes of the drive are not rounded
 
 
-def frames_of(seconds):
+def frame_count(seconds):
     """Whole frames."""
     return max(0, round(seconds * TICK_HZ / FRAME_TICKS))
 
 
 def bins(condition):
     """First frames of the bins of a dwell and its end: FIRST_BIN, then twice as many each."""
-    return features.bins(frames_of(condition.seconds), FIRST_BIN)
+    return features.bins(frame_count(condition.seconds), FIRST_BIN)
 
 
 def fine_bins(condition):
     """First frames of bins of FINE frames each, and the end of the last whole one."""
-    return np.arange(0, frames_of(condition.seconds) + 1, FINE)
+    return np.arange(0, frame_count(condition.seconds) + 1, FINE)
 
 
 def size(condition):
@@ -115,7 +117,7 @@ def model_key(model):
     return model.config.model_copy(update={"effects": laws})
 
 
-def configuration_of(model, seed):
+def seeded_config(model, seed):
     """The configuration of a model with the noise of a seed."""
     cfg = model_key(model)
     return cfg.model_copy(update={"noise": cfg.noise.model_copy(update={"seed": seed})})
@@ -125,27 +127,29 @@ def begin_tick(run):
     """Tick at which a run begins: EARLY_TICKS, or HELD_S before the dwell, whatever the locked state's own is."""
     if run.start is None:
         return EARLY_TICKS
-    return START_TICKS + FRAME_TICKS * (frames_of(run.condition.settle_s) - frames_of(HELD_S))
+    return START_TICKS + FRAME_TICKS * (frame_count(run.condition.settle_s) - frame_count(LOCK_SETTLE_S))
 
 
 def settling(run):
     """Frames of a run before its dwell; from power-on SETTLE_S are enough."""
     if run.start is None:
-        return (START_TICKS - EARLY_TICKS) // FRAME_TICKS + frames_of(min(run.condition.settle_s, SETTLE_S)) + run.late
-    return frames_of(HELD_S) + run.late
+        return (
+            (START_TICKS - EARLY_TICKS) // FRAME_TICKS + frame_count(min(run.condition.settle_s, SETTLE_S)) + run.late
+        )
+    return frame_count(LOCK_SETTLE_S) + run.late
 
 
 def _profiles(run):
     """Rate (rad/s) and temperature of every frame of a run, and one more."""
     c, settle = run.condition, settling(run)
-    rate, temp = c.profile(frames_of(c.seconds) + 3 + LATE - run.late)
+    rate, temp = c.profile(frame_count(c.seconds) + 3 + LATE - run.late)
     before = np.full(settle, before_dps(c)), np.full(settle, float(c.temperature_degc))
     return np.concatenate([before[0], rate]) * DEG, np.concatenate([before[1], temp])
 
 
-def ticks_of(run):
+def run_length_ticks(run):
     """Length of a run, one tick into the frame behind its last: its row holds the last codes."""
-    return (settling(run) + frames_of(run.condition.seconds) + LATE - run.late) * FRAME_TICKS + 1
+    return (settling(run) + frame_count(run.condition.seconds) + LATE - run.late) * FRAME_TICKS + 1
 
 
 def before_dps(condition):
@@ -159,22 +163,22 @@ def switched_on(cfg, condition):
     with DESIGN:
         sim = Simulation(cfg, temp, temp, engine="frame")
         nominal = build.nominal(cfg)
-        wanted = dict(build.register_writes(cfg))
+        register_words = dict(build.register_writes(cfg))
     sim.keep_codes = sim.keep_rows = False
-    wanted["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
+    register_words["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
     if condition.detune_deg:
-        own = cfg.firmware.phase_words()[0]
-        wanted["phase_drive_sine"] = (phase_word(condition.detune_deg) + own) % TURN
+        sine_word = cfg.firmware.phase_words()[0]
+        register_words["phase_drive_sine"] = (phase_word(condition.detune_deg) + sine_word) % TURN
     sim.now = (np.array([before * DEG]), np.array([temp]))
-    for name, raw in wanted.items():
+    for name, raw in register_words.items():
         sim.write(name, raw)
     return sim
 
 
 def power_on(sims, ticks):
     """engine.State of boards that have been switched on under one condition, at a tick: side by side if they may."""
-    now, like = [sim.now for sim in sims], {(sim.tick, lanes.kind(sim.params)) for sim in sims}
-    if len(sims) >= LEAST_LANES and len(like) == 1 and like.pop()[1] is not None:
+    now, lane_kinds = [sim.now for sim in sims], {(sim.tick, lanes.kind(sim.params)) for sim in sims}
+    if len(sims) >= LEAST_LANES and len(lane_kinds) == 1 and lane_kinds.pop()[1] is not None:
         lanes.Lanes(sims).advance(ticks - sims[0].tick, *zip(*now))
     else:
         for sim, (rate, temp) in zip(sims, now):
@@ -182,13 +186,13 @@ def power_on(sims, ticks):
     return [sim.state for sim in sims]
 
 
-def _once(known, key, most, make):
+def _get_cached(cache, key, most, make):
     """The value of a key, made when it is first asked for; of too many the oldest goes."""
-    if key not in known:
-        while len(known) > most:
-            known.pop(next(iter(known)))
-        known[key] = make()
-    return known[key]
+    if key not in cache:
+        while len(cache) > most:
+            cache.pop(next(iter(cache)))
+        cache[key] = make()
+    return cache[key]
 
 
 def _is_locked(state):
@@ -207,9 +211,9 @@ class Bench:
 
     def __init__(self, threads=THREADS):
         self.threads = threads
-        self._setups, self._locked = {}, {}
+        self._setups, self._locked_states = {}, {}
 
-    def locked(self, cfg, condition):
+    def locked_state(self, cfg, condition):
         """engine.State of a board under a condition's first rate, from power-on; made once.
 
         At START_TICKS, or at twice that if it has not locked before. Raises ConfigError if it has not locked then.
@@ -229,17 +233,17 @@ class Bench:
                 (state,) = power_on([switched_on(cfg, condition)], 2 * START_TICKS)
             return _sure(state, condition)
 
-        s = _once(self._locked, key, MOST_LOCKED, power)
+        s = _get_cached(self._locked_states, key, MOST_LOCKED, power)
         # the matrix of the next frame is made anew: it may be that of another plant
         s.plant.now[:] = np.inf
         return engine.State(s.fpga, s.chips, plant.copy(s.plant), s.tick, s.drdy_cycle)
 
     def probed(self, run, frames, rate_rad_s):
         """engine.Streams of the frame engine, every tick probed, from the locked state that a run begins from."""
-        p, state = _params(run), self.locked(run.start, run.condition)
+        p, state = _params(run), self.locked_state(run.start, run.condition)
         out = engine.streams(0, frames + 1, 0, frames * FRAME_TICKS, 0)
         rate, temp = np.full(frames + 2, rate_rad_s), np.full(frames + 2, float(run.condition.temperature_degc))
-        frame.run(p, switched(p, state), frames * FRAME_TICKS, rate, temp, engine.NO_WRITE, engine.Faults(), out)
+        frame.run(p, match_switches(p, state), frames * FRAME_TICKS, rate, temp, engine.NO_WRITE, engine.Faults(), out)
         return out
 
     def setup(self, run, p):
@@ -247,10 +251,10 @@ class Bench:
         c = run.condition
         warmth = c.temperature_degc, c.temperature_ramp_k_s, c.seconds if c.temperature_ramp_k_s else 0.0
         key = run.model.config.model_dump_json(include={"firmware", "plant"}), *warmth
-        made = _once(self._setups, key, MOST_SETUPS, lambda: baseband_setup.setup(p))
-        turns = p.fpga.design.tick_clocks * made.word0
-        laws = averaged_laws.design(p.plant.effects, p.plant.laws, made.laws.reference_turns, turns)
-        return made._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else made.drive_lsb_v)
+        base_setup = _get_cached(self._setups, key, MOST_SETUPS, lambda: baseband_setup.setup(p))
+        turns = p.fpga.design.tick_clocks * base_setup.word0
+        laws = averaged_laws.design(p.plant.effects, p.plant.laws, base_setup.laws.reference_turns, turns)
+        return base_setup._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else base_setup.drive_lsb_v)
 
     def run(self, runs, kind, progress=None, fine=False, lenient=False, take=None):
         """Features of `Run`s.
@@ -263,23 +267,23 @@ class Bench:
         take = take or (lambda run, rows: _features(run, rows.frames, fine))
         states = self._begun(runs)
         params = [_params(r) for r in runs] if kind == EXACT else []
-        out, done, whole = [None] * len(runs), 0.0, sum(ticks_of(r) for r in runs) / TICK_HZ
+        out, finished_s, total_s = [None] * len(runs), 0.0, sum(run_length_ticks(r) for r in runs) / TICK_HZ
 
         def work(members):
-            nonlocal done
+            nonlocal finished_s
             if kind != EXACT:
                 rows = [self._averaged(runs[k], states[k], lenient) for k in members]
             elif len(members) >= LEAST_LANES:
                 rows = _side_by_side([(runs[k], params[k], states[k]) for k in members])
             else:
-                rows = [_alone(runs[k], params[k], states[k], frame.run) for k in members]
+                rows = [_run_single(runs[k], params[k], states[k], frame.run) for k in members]
             for k, row in zip(members, rows):
                 out[k] = None if row is None else take(runs[k], row)
-            done += sum(ticks_of(runs[k]) for k in members) / TICK_HZ
+            finished_s += sum(run_length_ticks(runs[k]) for k in members) / TICK_HZ
             if progress:
-                progress(f"{kind} engine", done, whole)
+                progress(f"{kind} engine", finished_s, total_s)
 
-        self._each(work, _grouped(runs, params) if kind == EXACT else [[k] for k in range(len(runs))])
+        self._map_jobs(work, _lane_groups(runs, params) if kind == EXACT else [[k] for k in range(len(runs))])
         return out
 
     def _averaged(self, run, state, lenient):
@@ -288,7 +292,7 @@ class Bench:
             with DESIGN:
                 p = _params(run)
                 baseband.prepare(p, self.setup(run, p))
-            return _alone(run, p, state, baseband.run)
+            return _run_single(run, p, state, baseband.run)
         except ConfigError:
             if lenient:
                 return None
@@ -296,43 +300,43 @@ class Bench:
 
     def _begun(self, runs):
         """States from which runs begin, each its own copy."""
-        own, made = {}, {}
+        powered_runs, states = {}, {}
         for k, r in enumerate(runs):
             if r.start is None:
-                own.setdefault(r.condition.id, []).append(k)
+                powered_runs.setdefault(r.condition.id, []).append(k)
 
         def power(members):
-            sims = [switched_on(configuration_of(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
-            made.update(zip(members, power_on(sims, EARLY_TICKS)))
+            sims = [switched_on(seeded_config(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
+            states.update(zip(members, power_on(sims, EARLY_TICKS)))
 
-        self._each(power, [g[i : i + LANES] for g in own.values() for i in range(0, len(g), LANES)])
-        locked = ((k, r) for k, r in enumerate(runs) if k not in made)
-        made.update((k, self.locked(r.start, r.condition)._replace(tick=begin_tick(r))) for k, r in locked)
-        return [made[k] for k in range(len(runs))]
+        self._map_jobs(power, [g[i : i + LANES] for g in powered_runs.values() for i in range(0, len(g), LANES)])
+        locked = ((k, r) for k, r in enumerate(runs) if k not in states)
+        states.update((k, self.locked_state(r.start, r.condition)._replace(tick=begin_tick(r))) for k, r in locked)
+        return [states[k] for k in range(len(runs))]
 
-    def _each(self, work, jobs):
+    def _map_jobs(self, work, jobs):
         with ThreadPoolExecutor(self.threads) as pool:
             list(pool.map(work, jobs))
 
 
 def _params(run):
     _, temps = _profiles(run)
-    return build.params(configuration_of(run.model, run.seed), float(temps.min()), float(temps.max()))
+    return build.params(seeded_config(run.model, run.seed), float(temps.min()), float(temps.max()))
 
 
-def _grouped(runs, params):
+def _lane_groups(runs, params):
     """Indices of runs in groups of eight that may stand side by side: of one time, one length and one kind of parts."""
     groups = {}
     for k, (r, p) in enumerate(zip(runs, params)):
-        groups.setdefault((begin_tick(r), ticks_of(r), lanes.kind(p)), []).append(k)
+        groups.setdefault((begin_tick(r), run_length_ticks(r), lanes.kind(p)), []).append(k)
     return [g[i : i + LANES] for g in groups.values() for i in range(0, len(g), LANES)]
 
 
 def _streams(run):
-    return engine.streams(0, frames_begun(begin_tick(run), ticks_of(run)), 0, 0, 0)
+    return engine.streams(0, frames_begun(begin_tick(run), run_length_ticks(run)), 0, 0, 0)
 
 
-def switched(p, s):
+def match_switches(p, s):
     """A state as a board with other references goes on from it: its analog switches follow its own pins.
 
     An edge that has left one board's pins and not yet the other's would be missed, and a channel inverted for good.
@@ -345,8 +349,8 @@ def switched(p, s):
 
 def _side_by_side(members):
     """Rows of up to eight runs in the lanes engine."""
-    members = [(r, p, switched(p, s)) for r, p, s in members]
-    ticks = ticks_of(members[0][0])
+    members = [(r, p, match_switches(p, s)) for r, p, s in members]
+    ticks = run_length_ticks(members[0][0])
     profiles = [_profiles(r) for r, _, _ in members]
     outs = [_streams(r) for r, _, _ in members]
     states = [s for _, _, s in members]
@@ -357,10 +361,12 @@ def _side_by_side(members):
     return outs
 
 
-def _alone(run, p, state, play):
+def _run_single(run, p, state, play):
     """Rows of a run in an engine by itself; `frame.run` has the bits of the lanes."""
     out = _streams(run)
-    after = play(p, switched(p, state), ticks_of(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
+    after = play(
+        p, match_switches(p, state), run_length_ticks(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out
+    )
     _sure(after, run.condition)
     return out
 
@@ -368,26 +374,26 @@ def _alone(run, p, state, play):
 def _table(run, frames):
     """{stream: its codes} from a run's first frame to the end of its dwell."""
     columns = {name: frames[:, k] for k, (name, _, _) in enumerate(engine.FRAME_COLUMNS)}
-    return streams(columns, settling(run) + frames_of(run.condition.seconds))
+    return streams(columns, settling(run) + frame_count(run.condition.seconds))
 
 
-def of_dwell(run, frames):
+def dwell_codes(run, frames):
     """{stream: its codes} of a run's dwell."""
     return {name: values[settling(run) :] for name, values in _table(run, frames).items()}
 
 
 def _features(run, frames, fine):
-    return feature_vector(run.condition, of_dwell(run, frames), lsb_volts(run.model.config), fine)
+    return feature_vector(run.condition, dwell_codes(run, frames), lsb_volts(run.model.config), fine)
 
 
 def with_densities(run, rows):
     """(features with fine ones, densities of the channels) of a run."""
-    columns, volts = of_dwell(run, rows.frames), lsb_volts(run.model.config)
-    seen = loop_spectra.densities(columns, frames_of(run.condition.seconds))
-    return feature_vector(run.condition, columns, volts, fine=True), seen
+    columns, volts = dwell_codes(run, rows.frames), lsb_volts(run.model.config)
+    densities = loop_spectra.densities(columns, frame_count(run.condition.seconds))
+    return feature_vector(run.condition, columns, volts, fine=True), densities
 
 
-def blocks(run, rows):
+def block_means(run, rows):
     """(observables, blocks) means over BLOCK frames each, of settling and dwell; the dwell begins with a block."""
     first = settling(run) % BLOCK
     table, lsb = _table(run, rows.frames), lsb_volts(run.model.config)

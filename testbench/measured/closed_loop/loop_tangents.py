@@ -13,7 +13,7 @@ Source    docs/measured.md
 
 import numpy as np
 
-from testbench.measured.closed_loop.loop_even import AIM, HELD_HZ, even
+from testbench.measured.closed_loop.loop_difference_plant import AIM, FREQUENCY_TOLERANCE_HZ, use_uniform_references
 from testbench.measured.closed_loop.loop_responses import Responses, covers
 from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 from testbench.tracing.problem.problem import PredictionFailed
@@ -37,45 +37,49 @@ class Tangents:
         self._where = of.key(list(of.conditions.values()), *of.starts)
         # {name: step}: 0 of a law that these data do not see
         self.steps = of.kept.steps.setdefault(self._where, {})
-        at_ports = {name: c.at_ports(of.model.device()) for name, c in of.candidates.items()}
-        self._at_ports = {name: laws for name, laws in at_ports.items() if covers(laws)}
+        port_laws = {name: c.port_laws(of.model.device()) for name, c in of.candidates.items()}
+        self._port_laws = {name: laws for name, laws in port_laws.items() if covers(laws)}
         # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
         self._wide, self._weak = bool(of.starts), None
         self._tied = tied(self.nuisances) if self._wide else {}
         for role in {c.role for c in of.conditions.values()}:
-            self.kept[self._key(role, "plant.fx_hz")] = {c.id: of.slope[c.id] for c in self._of(role)}
+            self.kept[self._key(role, "plant.fx_hz")] = {c.id: of.slope[c.id] for c in self._conditions(role)}
 
     def column(self, name, role="fit"):
         """{condition: column} of the conditions with a role; nan where the plant fails."""
-        if not self._of(role):
+        if not self._conditions(role):
             return {}
-        if name in self._at_ports:
-            return self._responded(name, role)
+        if name in self._port_laws:
+            return self._response_column(name, role)
         if name in self._tied:
             columns = {key: self.column(key, role) for key in self._tied[name].partners}
             values = dict(zip(self.nuisances, self.of.first))
             return {
                 c.id: self._tied[name].column(values, {key: v[c.id] for key, v in columns.items()})
-                for c in self._of(role)
+                for c in self._conditions(role)
             }
-        return self.alone(name, role)
+        return self.direct_column(name, role)
 
-    def alone(self, name, role="fit"):
+    def direct_column(self, name, role="fit"):
         """`column` by runs with this nuisance or law alone."""
         if self._key(role, name) not in self.kept:
             if name not in self.steps:
-                self.make(self._beside(name))
+                self.make(self._companions(name))
             self.make(self.nuisances if name in self.nuisances else [name], role)
         return self.kept[self._key(role, name)]
 
     def _key(self, role, name):
         """What a column depends on: of a law that asks for the time from power-on, on those of the record too."""
-        after = [self.of.at_time(c, {name: 1.0}).settle_s for c in self._of(role)] if name in self.of.timed else ()
+        after = (
+            [self.of.restore_settle_s(c, {name: 1.0}).settle_s for c in self._conditions(role)]
+            if name in self.of.timed
+            else ()
+        )
         return self._where, role, name, *after
 
     def matrix(self, role):
         """{condition of a role: columns of all nuisances}, of wide priors with weak directions measured."""
-        chosen, sd = self._of(role), np.array([n.prior_sd for n in self.of.nuisances])
+        chosen, sd = self._conditions(role), np.array([n.prior_sd for n in self.of.nuisances])
         if not chosen:
             return {}
         columns = [self.column(name, role) for name in self.nuisances]
@@ -83,40 +87,42 @@ class Tangents:
         if not self._wide:
             return out
         if self._weak is None:
-            self._weak = weak(self.of.fitted(out if role == "fit" else self.matrix("fit")) * sd)
+            self._weak = weak(self.of.stack_fit_rows(out if role == "fit" else self.matrix("fit")) * sd)
         directions, changes = [], []
-        base = self._many([(self.of.first, {})], chosen)[0]
+        base = self._predict_points([(self.of.first, {})], chosen)[0]
         points = [(self.of.first + side * step * d * sd, {}) for d, step in self._weak for side in (1, -1)]
-        moved = self._held(points, base)
-        for (d, step), up, down in zip(self._weak, moved[::2], moved[1::2]):
+        step_changes = self._fixed_frequency_changes(points, base)
+        for (d, step), up, down in zip(self._weak, step_changes[::2], step_changes[1::2]):
             if up is not None and down is not None:
                 directions.append(d)
                 changes.append({g: (up[g] - down[g]) / (2 * step) for g in up})
         return {g: corrected(v * sd, directions, [m[g] for m in changes]) / sd for g, v in out.items()}
 
-    def _responded(self, name, role):
+    def _response_column(self, name, role):
         """Column of a law by the responses; zero where its largest step would hardly move the data."""
-        made = self.of.kept.responses
-        if (self._where, role) not in made:
-            made[self._where, role] = Responses(self.of, role)
+        responses = self.of.kept.responses
+        if (self._where, role) not in responses:
+            responses[self._where, role] = Responses(self.of, role)
         key = *self._key(role, name), "responses"
         if key not in self.kept:
-            later = {c.id: self.of.at_time(c, {name: 1.0}).settle_s - c.settle_s for c in self._of(role)}
-            found = made[self._where, role].column(self._at_ports[name], later)
-            seen = role != "fit" or self._size(found) * self.largest(name) >= SEEN
-            self.kept[key] = found if seen else {g: np.zeros_like(v) for g, v in found.items()}
+            later = {
+                c.id: self.of.restore_settle_s(c, {name: 1.0}).settle_s - c.settle_s for c in self._conditions(role)
+            }
+            column = responses[self._where, role].column(self._port_laws[name], later)
+            is_visible = role != "fit" or self._change_sigmas(column) * self.largest(name) >= SEEN
+            self.kept[key] = column if is_visible else {g: np.zeros_like(v) for g, v in column.items()}
         return self.kept[key]
 
-    def _beside(self, name):
+    def _companions(self, name):
         """What is made with a law on the fitted conditions: laws of the library that the responses do not cover."""
-        late = [one.name for one in self.of.library if one.name not in self._at_ports]
-        return late if name in late else [name]
+        uncovered = [one.name for one in self.of.library if one.name not in self._port_laws]
+        return uncovered if name in uncovered else [name]
 
-    def own(self, names):
+    def select_direct(self, names):
         """Those of some nuisances and laws that have tangents of their own."""
-        return [name for name in names if name not in self._at_ports]
+        return [name for name in names if name not in self._port_laws]
 
-    def _of(self, role):
+    def _conditions(self, role):
         return [c for c in self.of.conditions.values() if c.role == role]
 
     def make(self, names, role="fit"):
@@ -125,7 +131,7 @@ class Tangents:
         missing = [n for n in names if n not in self._tied and self._key(role, n) not in self.kept]
         if not missing:
             return
-        base = self._many([(of.first, {})], self._of(role))[0]
+        base = self._predict_points([(of.first, {})], self._conditions(role))[0]
         steps = {name: self.steps.get(name, self._first_step(name)) for name in missing}
         zero, nan = ({g: np.full(len(v), fill) for g, v in base.items()} for fill in (0.0, np.nan))
         columns |= {name: zero for name in missing if not steps[name]}
@@ -135,13 +141,15 @@ class Tangents:
             if not todo:
                 break
             again = []
-            for name, moved in zip(todo, self._held([self._stepped(name, steps[name]) for name in todo], base)):
-                if moved is None:
+            for name, change in zip(
+                todo, self._fixed_frequency_changes([self._step_point(name, steps[name]) for name in todo], base)
+            ):
+                if change is None:
                     steps[name] *= SHORTER
                     again.append(name)
                     continue
-                columns[name] = {g: v / steps[name] for g, v in moved.items()}
-                size = self._size(moved)
+                columns[name] = {g: v / steps[name] for g, v in change.items()}
+                size = self._change_sigmas(change)
                 if name in self.steps:
                     continue
                 if size < SEEN and name in of.candidates:
@@ -152,9 +160,11 @@ class Tangents:
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
         both = [n for n, v in columns.items() if v is not zero and self._sided(n)]
-        for name, moved in zip(both, self._held([self._stepped(n, -steps[n]) for n in both], base)):
-            if moved is not None:
-                columns[name] = {g: (v - moved[g] / steps[name]) / 2 for g, v in columns[name].items()}
+        for name, change in zip(
+            both, self._fixed_frequency_changes([self._step_point(n, -steps[n]) for n in both], base)
+        ):
+            if change is not None:
+                columns[name] = {g: (v - change[g] / steps[name]) / 2 for g, v in columns[name].items()}
         for name in missing:
             self.steps.setdefault(name, 0.0 if columns.get(name) is zero else steps[name])
             self.kept[self._key(role, name)] = columns.get(name, nan)
@@ -165,9 +175,9 @@ class Tangents:
         one = self.of.candidates[name].law
         return one.scale * (one.sign or 1)
 
-    def _size(self, moved):
+    def _change_sigmas(self, change):
         """Sigmas of a change of some conditions, if all others moved as they do."""
-        return self.of.size(moved) * np.sqrt(len(self.of.conditions) / len(moved))
+        return self.of.size(change) * np.sqrt(len(self.of.conditions) / len(change))
 
     def _guess(self, names, steps, base):
         """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`.
@@ -176,16 +186,16 @@ class Tangents:
         """
         one = max((self.of.conditions[g] for g in base), key=lambda c: (c.a_um, abs(c.rate_dps)))
         for _ in range(GUESSES):
-            moved = self._many([self._stepped(name, steps[name]) for name in names], (one,))
-            left = [name for name, found in zip(names, moved) if found is None]
-            for name, found in zip(names, moved):
-                if found is not None:
-                    self._aimed(name, steps, self._size({one.id: found[one.id] - base[one.id]}))
-            for name in left:
+            results = self._predict_points([self._step_point(name, steps[name]) for name in names], (one,))
+            failed_names = [name for name, features in zip(names, results) if features is None]
+            for name, features in zip(names, results):
+                if features is not None:
+                    self._aimed(name, steps, self._change_sigmas({one.id: features[one.id] - base[one.id]}))
+            for name in failed_names:
                 steps[name] *= SHORTER
-            if not left:
+            if not failed_names:
                 break
-            names = left
+            names = failed_names
 
     def _aimed(self, name, steps, size):
         """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""
@@ -212,7 +222,7 @@ class Tangents:
         n = self.of.nuisances[self.nuisances.index(name)]
         return 0.2 * max(abs(n.value), n.prior_sd)
 
-    def _stepped(self, name, step):
+    def _step_point(self, name, step):
         theta, effects = self.of.first.copy(), {}
         if name in self.of.candidates:
             effects[name] = step
@@ -220,7 +230,7 @@ class Tangents:
             theta[self.nuisances.index(name)] += step
         return theta, effects
 
-    def _held(self, points, base):
+    def _fixed_frequency_changes(self, points, base):
         """Changes {group: values} from `base` to points, None where the averaged plant fails.
 
         The drive frequency is held, in two steps; what its change does is put back by `slope`.
@@ -229,39 +239,39 @@ class Tangents:
         only = [self.of.conditions[g] for g in base]
         todo = range(len(points))
         for _ in range(3):
-            found = self._many([points[i] for i in todo], only, [hertz[i] for i in todo])
-            left = []
-            for i, moved in zip(todo, found):
-                if moved is None:
+            results = self._predict_points([points[i] for i in todo], only, [hertz[i] for i in todo])
+            remaining = []
+            for i, features in zip(todo, results):
+                if features is None:
                     changes[i] = None
                     continue
-                rest = {g: moved[g] - base[g] for g in base}
-                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in rest.items()}
-                more = {g: self.of.hertz(v, g) for g, v in rest.items()}
-                if max(map(abs, more.values())) > HELD_HZ:
+                differences = {g: features[g] - base[g] for g in base}
+                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in differences.items()}
+                more = {g: self.of.hertz(v, g) for g, v in differences.items()}
+                if max(map(abs, more.values())) > FREQUENCY_TOLERANCE_HZ:
                     hertz[i] = {g: hertz[i][g] + v for g, v in more.items()}
-                    left.append(i)
-            todo = left
+                    remaining.append(i)
+            todo = remaining
         return changes
 
-    def _many(self, points, conditions, hertz=None):
+    def _predict_points(self, points, conditions, hertz=None):
         """Features {group: values} of points in the averaged plant, None where it fails; hertz: see `of.smooth`."""
         of, models = self.of, []
         hertz = hertz or [dict.fromkeys(of.conditions, 0.0)] * len(points)
         for theta, effects in points:
             try:
-                told = of.model_at(theta, effects)
-                models.append(told._replace(config=even(told.config)))
+                model = of.model_at(theta, effects)
+                models.append(model._replace(config=use_uniform_references(model.config)))
             except PredictionFailed:
                 models.append(None)
-        wanted = [
-            (m, of.at_time(c, effects), 0, h[c.id])
+        requests = [
+            (m, of.restore_settle_s(c, effects), 0, h[c.id])
             for m, h, (_, effects) in zip(models, hertz, points)
             if m is not None
             for c in conditions
         ]
-        found, out = iter(of.smooth(wanted)), []
+        results, out = iter(of.smooth(requests)), []
         for m in models:
-            values = None if m is None else {c.id: next(found) for c in conditions}
+            values = None if m is None else {c.id: next(results) for c in conditions}
             out.append(None if values is None or any(v is None for v in values.values()) else values)
         return out

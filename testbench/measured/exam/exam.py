@@ -29,7 +29,7 @@ from testbench.tracing.fit.evidence import linear_gain, log_evidence
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.refit import refit
 from testbench.tracing.problem.predictor import Predictor
-from testbench.tracing.problem.result import plain
+from testbench.tracing.problem.result import plain_value
 from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import Options, Tracer
 
@@ -38,9 +38,9 @@ LABELS = ("before", "after_one_law", "after")
 REFITTED = 6  # laws per round, those with most evidence of the linear problem
 
 
-def _at_floor(tracer, fit):
+def _has_reached_floor(tracer, fit):
     """True if every held-out segment is at its floor already."""
-    rows = heldout.judge(tracer.problem, tracer.held, tracer.predictor, {"now": fit}, "group").rows
+    rows = heldout.evaluate_heldout(tracer.problem, tracer.held, tracer.predictor, {"now": fit}, "group").rows
     return bool(rows) and all(row["floor"] and row["now"] <= row["floor"] for row in rows.values())
 
 
@@ -58,7 +58,7 @@ def _decisive(tracer, refused):
 
 def _round(tracer, refused):
     """(`Round`s tried at a calibrated model: the last is kept, or none is; where the last has settled)."""
-    base, total, out, at = tracer.base.fit, len(tracer.laws), [], _place(tracer.base.fit)
+    base, total, out, fitted_values = tracer.base.fit, len(tracer.laws), [], _fitted_values(tracer.base.fit)
     rows = _decisive(tracer, refused)
     start, tried = log_evidence(base, tracer.identified.scale), []
     for _, name, d in rows[:REFITTED]:
@@ -71,103 +71,117 @@ def _round(tracer, refused):
         if gain < DECISIVE:
             break
         rivals = tuple(other for its, other, _, _ in tried if other != name and abs(its - gain) < DECISIVE)
-        found = heldout.judge(
+        judgement = heldout.evaluate_heldout(
             tracer.problem, tracer.held, tracer.predictor, {"before": base, "after": fit}, "observable"
         )
-        better = (found.chi2["before"] - found.chi2["after"]) * tracer.held.size
-        shown = {key: (row["before"], row["after"]) for key, row in found.rows.items()}
-        less = all(after < before for before, after in shown.values())
+        better = (judgement.chi2["before"] - judgement.chi2["after"]) * tracer.held.size
+        heldout_errors = {key: (row["before"], row["after"]) for key, row in judgement.rows.items()}
+        less = all(after < before for before, after in heldout_errors.values())
         out.append(
-            Round(name, bool(better >= SUPPORTED and less), d, float(fit.point.c[0]), float(better), rivals, shown)
+            Round(
+                name,
+                bool(better >= SUPPORTED and less),
+                d,
+                float(fit.point.c[0]),
+                float(better),
+                rivals,
+                heldout_errors,
+            )
         )
         if out[-1].kept:
-            at = _place(fit)
+            fitted_values = _fitted_values(fit)
             break
         refused.add(name)
-    return out, at
+    return out, fitted_values
 
 
-def stage(problem, most=None, say=None, settings=QUICK):
+def run_stages(problem, most=None, say=None, settings=QUICK):
     """`Staged` of a problem: law after law, each the best of those refitted, kept if held-out data support it."""
     most = problem.most_laws if most is None else most
     first = Tracer(problem, settings, None, None).run()
-    rounds, names, refused, at = [], [], set(), {}
+    rounds, names, refused, fitted_values = [], [], set(), {}
     alarmed = first.verdict not in NOTHING or (first.p_global is not None and first.p_global < settings.alpha / 2)
     while alarmed and len(names) < most:
-        tracer = Tracer(settle(problem, names, at), settings, None, None)
+        tracer = Tracer(settle(problem, names, fitted_values), settings, None, None)
         tracer.dropped = {}
-        if not tracer.calibrate() or _at_floor(tracer, tracer.base.fit):
+        if not tracer.calibrate() or _has_reached_floor(tracer, tracer.base.fit):
             break
-        tried, at = _round(tracer, refused)
+        tried, fitted_values = _round(tracer, refused)
         rounds += tried
         if say:
             say(f"{', '.join(names) or 'nothing'}: {[(r.law, r.kept) for r in tried]}")
         if not tried or not tried[-1].kept:
             break
         names.append(tried[-1].law)
-    return _told(problem, first, rounds, names, at, settings)
+    return _staged_result(problem, first, rounds, names, fitted_values, settings)
 
 
-def _told(problem, first, rounds, names, at, settings):
+def _staged_result(problem, first, rounds, names, fitted_values, settings):
     """`StagedResult` of laws that are kept, from where the last round has settled."""
     last, fit = first, None
     if names:
-        tracer = Tracer(settle(problem, names, at), settings, None, None)
+        tracer = Tracer(settle(problem, names, fitted_values), settings, None, None)
         last, fit = tracer.run(), tracer.base.fit
     rounds = [r._replace(kept=r.law in names) for r in rounds]
     return StagedResult(first, rounds, last, summary(problem, first, rounds, last, fit))
 
 
-def settle(problem, names, at):
+def settle(problem, names, fitted_values):
     """The problem with laws as part of the model, to be calibrated from where the last round has settled."""
     now = absorb(problem, list(names))
     if names:
-        now.nuisances = tuple(n._replace(value=at.get(n.name, n.value)) for n in now.nuisances)
+        now.nuisances = tuple(n._replace(value=fitted_values.get(n.name, n.value)) for n in now.nuisances)
     return now
 
 
-def _place(fit):
+def _fitted_values(fit):
     """{nuisance or law: value} of a fit."""
     names = (*(n.name for n in fit.model.problem.nuisances), *fit.model.names)
     return dict(zip(names, (*map(float, fit.point.theta), *map(float, fit.point.c))))
 
 
-def fits(problem, names):
+def fit_stages(problem, names):
     """Fits with none, one, two .. of the laws, each from where the one before has settled."""
-    at, out = {}, []
+    fitted_values, out = {}, []
     for count in range(len(names) + 1):
-        tracer = Tracer(settle(problem, names[:count], at), QUICK, None, None)
+        tracer = Tracer(settle(problem, names[:count], fitted_values), QUICK, None, None)
         tracer.calibrate()
         out.append(tracer.base.fit)
-        at = _place(refit(out[-1], (names[count],), tracer.table)) if count < len(names) else at
+        fitted_values = (
+            _fitted_values(refit(out[-1], (names[count],), tracer.table)) if count < len(names) else fitted_values
+        )
     return out
 
 
-def judge(problem, names, found):
+def judge_segments(problem, names, stage_fits):
     """{segment: {unit, floor, before, after_one_law, after, *_ci}} of all validating and examining segments."""
     out = {}
     for label, count in zip(LABELS, (0, min(1, len(names)), len(names))):
-        for shown in (problem, problem.exam()):
-            now = absorb(shown, list(names[:count]))
+        for exam_problem in (problem, problem.exam()):
+            now = absorb(exam_problem, list(names[:count]))
             space = Space(now, "validate")
             if not space.size:
                 continue
-            rows = heldout.judge(now, space, Predictor(now), {"model": found[count]}, "group").rows
+            rows = heldout.evaluate_heldout(now, space, Predictor(now), {"model": stage_fits[count]}, "group").rows
             for key, row in rows.items():
                 mine = out.setdefault(key, {"unit": row["unit"], "floor": row["floor"]})
                 mine |= {label: row["model"], label + "_ci": row["model_ci"]}
     return out
 
 
-def residuals(problem, names, found):
+def residuals(problem, names, stage_fits):
     """{(segment, observable): `part_page.Residual`} of all segments, at the first and the last of the fits."""
     out = {}
-    for shown in (problem, problem.exam()):
-        both = (shown, found[0]), (absorb(shown, list(names)), found[-1])
-        for k, segment in enumerate(shown.segments):
-            before, after = (shown.measured(k) - now.predict([(f.point.theta, {})], [k])[0][0] for now, f in both)
+    for exam_problem in (problem, problem.exam()):
+        both = (exam_problem, stage_fits[0]), (absorb(exam_problem, list(names)), stage_fits[-1])
+        for k, segment in enumerate(exam_problem.segments):
+            before, after = (
+                exam_problem.segment_features(k) - now.predict([(f.point.theta, {})], [k])[0][0] for now, f in both
+            )
             (o,) = segment.observables
-            out[segment.name, o.name] = part_page.Residual(segment.role, o.unit, shown.floor(k)[o.name], before, after)
+            out[segment.name, o.name] = part_page.Residual(
+                segment.role, o.unit, exam_problem.repeatability_rms(k)[o.name], before, after
+            )
     return out
 
 
@@ -178,21 +192,21 @@ def report(problem, settings=None, progress=None):
         chosen = replace(QUICK, alpha=settings.alpha, looks=settings.looks, seed=settings.seed)
     most = problem.most_laws if settings is None else min(problem.most_laws, settings.max_laws)
     say = progress and (lambda text: progress(text, 0, 1))
-    staged = stage(problem, most, say, chosen)
+    staged = run_stages(problem, most, say, chosen)
     names = [r.law for r in staged.rounds if r.kept]
-    found = fits(problem, names)
-    shown = judge(problem, names, found)
+    stage_fits = fit_stages(problem, names)
+    heldout_errors = judge_segments(problem, names, stage_fits)
     while names and any(
-        h["after"] > SAME * h["before"] for h in shown.values()
+        h["after"] > SAME * h["before"] for h in heldout_errors.values()
     ):  # the last law goes: never worse than none
-        names, found = names[:-1], found[:-1]
-        staged = _told(problem, staged.first, staged.rounds, names, _place(found[-1]), chosen)
-        shown = judge(problem, names, found)
-    values = problem.named(found[-1].point.theta[: len(problem.nuisances)])
-    coefficients = dict(zip(names, found[-1].point.theta[len(problem.nuisances) :]))
-    rows = residuals(problem, names, found)
+        names, stage_fits = names[:-1], stage_fits[:-1]
+        staged = _staged_result(problem, staged.first, staged.rounds, names, _fitted_values(stage_fits[-1]), chosen)
+        heldout_errors = judge_segments(problem, names, stage_fits)
+    values = problem.nuisance_values(stage_fits[-1].point.theta[: len(problem.nuisances)])
+    coefficients = dict(zip(names, stage_fits[-1].point.theta[len(problem.nuisances) :]))
+    rows = residuals(problem, names, stage_fits)
     data = dict(staged.json)
-    data["heldout"] = plain(shown)
+    data["heldout"] = plain_value(heldout_errors)
     for name, floor in problem.repeatability(values, coefficients).items():
         mine = data["heldout"][name]
         mine |= {"noise": mine["floor"], "floor": max(floor, mine["floor"])}
@@ -203,19 +217,19 @@ def report(problem, settings=None, progress=None):
     for key, row in rows.items():
         if row.role == "validate":
             where = problem.where(pieces[key[0]], row.after, values, coefficients)
-            data["left"].append(part_page.residual_of(problem, key, rows) | ({"where": where} if where else {}))
+            data["left"].append(part_page.describe_residual(problem, key, rows) | ({"where": where} if where else {}))
     data["gyroscope"] = [c._asdict() for c in laws_of_loop(data["effects"], problem.working_at(values), Device())]
-    return plain(part_page.in_part(data)), part_page.picture(problem, rows)
+    return plain_value(part_page.in_part(data)), part_page.picture(problem, rows)
 
 
 def nulls(problem, count, seed=0, say=None):
     """Names of the effects found in each of `count` simulated recordings without any."""
-    theta = fits(problem, ())[0].point.theta
+    theta = fit_stages(problem, ())[0].point.theta
     out = []
     for k in range(count):
         one = problem.simulated(theta, {}, np.random.default_rng([seed, k]))
-        found = stage(one, 1)
-        out.append([e["law"] for e in found.json["effects"]])
+        staged = run_stages(one, 1)
+        out.append([e["law"] for e in staged.json["effects"]])
         if say:
-            say(f"{k + 1}: {out[-1]}, {found.json['verdict']}")
+            say(f"{k + 1}: {out[-1]}, {staged.json['verdict']}")
     return out

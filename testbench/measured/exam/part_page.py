@@ -38,30 +38,32 @@ class Residual(NamedTuple):
 def run(problem, options=None, progress=None):
     """(JSON, {observable: (measured, before, after) of held-out rows}, caption data) of a part's problem."""
     options = options or Options(ALPHA)
-    found = add_in_stages(problem, options, problem.most_laws, progress)
-    rows = residuals(problem, found)
+    staged = add_in_stages(problem, options, problem.most_laws, progress)
+    rows = residuals(problem, staged)
     judging = {key: row for key, row in rows.items() if row.role == "validate"}
-    return in_part(found.json | {"left": [residual_of(problem, key, rows) for key in judging]}), judging
+    return in_part(staged.json | {"left": [describe_residual(problem, key, rows) for key in judging]}), judging
 
 
-def above(row):
+def is_unexplained(row):
     """True if a row of `heldout` is not explained: its error is above ABOVE floors in the end."""
     return bool(row.get("floor")) and row["after"] > ABOVE * row["floor"]
 
 
 def in_part(data):
     """A report whose laws leave a held-out error above ABOVE floors is "named in part", and says where."""
-    rest = [f"{name} {row['after'] / row['floor']:.2g}" for name, row in data["heldout"].items() if above(row)]
-    if data["verdict"] not in ("named", "candidate") or not rest:
+    unexplained = [
+        f"{name} {row['after'] / row['floor']:.2g}" for name, row in data["heldout"].items() if is_unexplained(row)
+    ]
+    if data["verdict"] not in ("named", "candidate") or not unexplained:
         return data
-    words = f"{data['sentence'].rstrip('. ')}. Not explained, in floors: {', '.join(rest)}."
+    words = f"{data['sentence'].rstrip('. ')}. Not explained, in floors: {', '.join(unexplained)}."
     verdict = "named in part" if data["verdict"] == "named" else data["verdict"]
     return data | {"verdict": verdict, "sentence": words}
 
 
-def residuals(problem, found):
+def residuals(problem, staged):
     """{(segment, observable): `Left`} of all groups, at the fits without and with the laws."""
-    names = [r.law for r in found.rounds if r.kept]
+    names = [r.law for r in staged.rounds if r.kept]
     quick = Options(n_null=199, max_laws=1, power=False, experiments=False)
     fits = []
     for now in (problem, absorb(problem, names)):
@@ -71,17 +73,19 @@ def residuals(problem, found):
     for k, segment in enumerate(problem.segments):
         if any(fit is None for _, fit in fits):
             continue
-        y, floor = problem.measured(k), problem.floor(k)
-        left = []
+        y, floor = problem.segment_features(k), problem.repeatability_rms(k)
+        differences = []
         for now, fit in fits:
-            left.append(y - now.predict([(fit.point.theta, dict(zip(fit.model.names, fit.point.c)))], [k])[0][0])
+            differences.append(y - now.predict([(fit.point.theta, dict(zip(fit.model.names, fit.point.c)))], [k])[0][0])
         for o in segment.observables:
             rms = floor.get(o.name)
-            out[segment.name, o.name] = Residual(segment.role, o.unit, rms, left[0][o.rows], left[1][o.rows])
+            out[segment.name, o.name] = Residual(
+                segment.role, o.unit, rms, differences[0][o.rows], differences[1][o.rows]
+            )
     return out
 
 
-def residual_of(problem, key, rows):
+def describe_residual(problem, key, rows):
     """What the rest on held-out data looks like, for one observable of one segment: numbers for a sentence.
 
     neighbours  correlation of neighbouring rows along the abscissa, p of it by shuffling: is the rest a curve?
@@ -110,7 +114,7 @@ def residual_of(problem, key, rows):
         for (_, name), other in rows.items()
         if other.role == "fit" and name == key[1] and len(other.after) == len(row.after)
     ]
-    same = problem.same_rows and twins
+    is_comparable = problem.same_rows and twins
     return {
         "segment": key[0],
         "observable": key[1],
@@ -122,7 +126,7 @@ def residual_of(problem, key, rows):
         "tenth_from": float(x[order][at]),
         "tenth_to": float(x[order][at + width - 1]),
         "axis": label,
-        "shared": float(np.mean(twins)) if same else None,
+        "shared": float(np.mean(twins)) if is_comparable else None,
     }
 
 
@@ -143,18 +147,18 @@ def picture(problem, rows, most=9):
     import matplotlib.pyplot as plt
 
     rows = {key: row for key, row in rows.items() if row.role == "validate"}
-    shown, seen = [], set()
+    panel_keys, observables = [], set()
     for key in rows:  # the last segment of each observable, if all are too many
-        seen.add(key[1])
-    for name in sorted(seen):
-        shown.append([key for key in rows if key[1] == name][-1])
-    shown = list(rows) if len(rows) <= most else shown[:most]
-    columns = 1 if len(shown) <= 2 else 3
-    lines = -(-len(shown) // columns)
+        observables.add(key[1])
+    for name in sorted(observables):
+        panel_keys.append([key for key in rows if key[1] == name][-1])
+    panel_keys = list(rows) if len(rows) <= most else panel_keys[:most]
+    columns = 1 if len(panel_keys) <= 2 else 3
+    lines = -(-len(panel_keys) // columns)
     figure, panels = plt.subplots(lines, columns, figsize=(11, 2.6 * lines + 0.6), squeeze=False, layout="constrained")
-    for panel in panels.ravel()[len(shown) :]:
+    for panel in panels.ravel()[len(panel_keys) :]:
         panel.axis("off")
-    for panel, key in zip(panels.ravel(), shown):
+    for panel, key in zip(panels.ravel(), panel_keys):
         _, unit, floor, before, after = rows[key]
         x, label = problem.axis(*key) or (np.arange(len(before)), "row")
         order = np.argsort(x, kind="stable")[:: max(1, len(x) // POINTS)]
@@ -233,12 +237,12 @@ def section(title, data, image=""):
             "the grey band is the floor. Where the error before is far above it, the scale is logarithmic beyond three "
             "floors.</figcaption></figure>"
         )
-    rest = [
+    residual_rows = [
         (r["observable"], r["segment"], number(r["neighbours"], 2), number(r["p"], 2), f"{100 * r['tenth']:.0f} %")
         + (f"{number(r['tenth_from'])} .. {number(r['tenth_to'])}", number(r["shared"], 2))
         for r in data.get("left", [])
     ]
-    if rest:
+    if residual_rows:
         head = (
             "what is left of",
             "in",
@@ -249,7 +253,7 @@ def section(title, data, image=""):
             "shared with fit",
         )
         words.append("<details><summary>what is left: a curve, one place, or this recording alone?</summary>")
-        words.append(table(head, rest, (2, 3, 4, 6)) + "</details>")
+        words.append(table(head, residual_rows, (2, 3, 4, 6)) + "</details>")
     lost = data.get("not_carried_over", [])
     if lost:
         words.append(f"<p>Fitted well and did not carry over to the held-out data: {html.escape(', '.join(lost))}.</p>")

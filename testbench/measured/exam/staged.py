@@ -26,7 +26,7 @@ from testbench.tracing.fit import evidence
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.refit import refit
 from testbench.tracing.problem.problem import Nuisance
-from testbench.tracing.problem.result import plain
+from testbench.tracing.problem.result import plain_value
 from testbench.tracing.trace import Options, Tracer
 
 QUICK = 199  # null draws of the traces before and after
@@ -63,36 +63,38 @@ class StagedResult(NamedTuple):
     json: dict
 
 
-def known_laws(problem, names):
+def laws_as_nuisances(problem, names):
     """A copy of a problem in which some laws are nuisances: already part of the model."""
-    laws, made = problem.known(), copy.copy(problem)
+    laws, extended_problem = problem.laws_by_name(), copy.copy(problem)
     added = [
         Nuisance(member, laws[name].unit, 0.0, laws[name].scale)
         for name in names
         for member in (problem.families[name].members if name in problem.families else (name,))
     ]
-    gone = {n for name in names if name in problem.families for n in problem.families[name].replaces}
-    own = [k for k, n in enumerate(problem.nuisances) if n.name not in gone]
-    made.nuisances = (*(problem.nuisances[k] for k in own), *added)
-    made.laws = tuple(law for law in problem.laws if law.name not in names)
-    made.library = tuple(law for law in problem.library if law.name not in names)
-    made.families = {} if set(names) & set(problem.families) else problem.families
+    replaced_names = {n for name in names if name in problem.families for n in problem.families[name].replaces}
+    remaining_indices = [k for k, n in enumerate(problem.nuisances) if n.name not in replaced_names]
+    extended_problem.nuisances = (*(problem.nuisances[k] for k in remaining_indices), *added)
+    extended_problem.laws = tuple(law for law in problem.laws if law.name not in names)
+    extended_problem.library = tuple(law for law in problem.library if law.name not in names)
+    extended_problem.families = {} if set(names) & set(problem.families) else problem.families
 
     def predict(points, which):
-        moved, shown = [], [n.name for n in added]
+        full_points, added_names = [], [n.name for n in added]
         for theta, c in points:
-            whole = np.zeros(len(problem.nuisances))
-            whole[own] = theta[: len(own)]
-            moved.append((whole, dict(zip(shown, map(float, theta[len(own) :]))) | dict(c)))
-        return problem.predict(moved, which)
+            full_theta = np.zeros(len(problem.nuisances))
+            full_theta[remaining_indices] = theta[: len(remaining_indices)]
+            full_points.append(
+                (full_theta, dict(zip(added_names, map(float, theta[len(remaining_indices) :]))) | dict(c))
+            )
+        return problem.predict(full_points, which)
 
-    made.predict = predict
-    return made
+    extended_problem.predict = predict
+    return extended_problem
 
 
 def _decisive(tracer, refused):
     """[(gain, name, d, ranking)] of the laws whose evidence is decisive, the clearest first."""
-    found = []
+    rows = []
     for ranking in tracer.rankings(tracer.base.fit).values():
         pool = [n for n in ranking.names if n not in ranking.hidden]
         scores = one_sided(ranking, tracer.laws)
@@ -101,12 +103,12 @@ def _decisive(tracer, refused):
             gain = evidence.linear_gain(ranking, [name], tracer.laws)
             if gain is None or name in refused or gain - np.log(len(tracer.laws)) < DECISIVE or scores[k] <= 0:
                 continue
-            found.append((gain, name, float(scores[k]), ranking))
-    found += [row for row in structure.gains(tracer) if row[1] not in refused and row[0] > DECISIVE]
-    return sorted(found, key=lambda row: (-row[0], row[1]))
+            rows.append((gain, name, float(scores[k]), ranking))
+    rows += [row for row in structure.gains(tracer) if row[1] not in refused and row[0] > DECISIVE]
+    return sorted(rows, key=lambda row: (-row[0], row[1]))
 
 
-def _rivals(row, rows):
+def _similar_rivals(row, rows):
     gain, name, _, ranking = row
     out = []
     for its, other, _, r in rows if ranking else ():
@@ -119,7 +121,7 @@ def _rivals(row, rows):
 def _try(tracer, row, rows):
     """`Round` of one law: refitted, judged on the held-out groups."""
     _, name, d, ranking = row
-    base, law = tracer.base.fit, tracer.problem.known()[name]
+    base, law = tracer.base.fit, tracer.problem.laws_by_name()[name]
     if ranking is None:
         other = Tracer(absorb(tracer.problem, [name]), tracer.options, None, None)
         fit, value = (other.base.fit if other.calibrate() else None), float("nan")
@@ -128,52 +130,56 @@ def _try(tracer, row, rows):
         fit, value = (None, 0.0) if fit.failed else (fit, float(fit.point.c[0]))
     if fit is None:
         return Round(name, False, d, float("nan"), float("nan"), (), {})
-    before, after = tracer.judged({"now": base}), other.judged({"now": fit})
+    before, after = tracer.heldout_result({"now": base}), other.heldout_result({"now": fit})
     gain = (before.chi2["now"] - after.chi2["now"]) * tracer.held.size if tracer.held.size else 0.0
-    shown = {key: (r["now"], after.rows[key]["now"]) for key, r in before.rows.items()}
+    heldout_errors = {key: (r["now"], after.rows[key]["now"]) for key, r in before.rows.items()}
     worse = []
     if law.kind != "plant":
-        judged = tracer.judged({"before": base, "after": fit})
-        worse = [key for key, r in judged.rows.items() if r["gain_ci"][1] < 0 and r["after"] > HARMLESS * r["before"]]
-    return Round(name, gain >= SUPPORTED and not worse, d, value, float(gain), _rivals(row, rows), shown)
+        judgement = tracer.heldout_result({"before": base, "after": fit})
+        worse = [
+            key for key, r in judgement.rows.items() if r["gain_ci"][1] < 0 and r["after"] > HARMLESS * r["before"]
+        ]
+    return Round(
+        name, gain >= SUPPORTED and not worse, d, value, float(gain), _similar_rivals(row, rows), heldout_errors
+    )
 
 
-def _never_worse(problem, names, rounds, options):
+def _drop_worsening(problem, names, rounds, options):
     """Laws of which none makes the held-out error of an observable larger than without any law."""
     names, tracer = list(names), Tracer(problem, options, None, None)
     if not names or not tracer.calibrate():
         return names
-    before = tracer.judged({"now": tracer.base.fit}).rows
+    before = tracer.heldout_result({"now": tracer.base.fit}).rows
     while names:
         tracer = Tracer(absorb(problem, names), options, None, None)
         if not tracer.calibrate():
             break
-        after = tracer.judged({"now": tracer.base.fit}).rows
+        after = tracer.heldout_result({"now": tracer.base.fit}).rows
         worse = [key for key in before if after[key]["now"] > SAME * before[key]["now"]]
         if not worse:
             break
         share = {r.law: {key: r.heldout[key][1] / r.heldout[key][0] for key in worse} for r in rounds if r.kept}
-        there = [name for name in names if any(abs(x - 1) > SAME - 1 for x in share[name].values())]
-        gone = max(reversed(there or names), key=lambda name: max(share[name].values()))
-        names = [name for name in names if name != gone and name not in problem.more_of(gone)]
+        active_names = [name for name in names if any(abs(x - 1) > SAME - 1 for x in share[name].values())]
+        worst_name = max(reversed(active_names or names), key=lambda name: max(share[name].values()))
+        names = [name for name in names if name != worst_name and name not in problem.dependent_nuisances(worst_name)]
     return names
 
 
-def _pruned(problem, names, options):
+def _drop_weak(problem, names, options):
     """Laws that are still clear, and what they were, beside all the others; the least certain goes first."""
-    names, least = list(names), norm.isf(CHANCE / 2 / max(len(problem.known()), 1))
+    names, least = list(names), norm.isf(CHANCE / 2 / max(len(problem.laws_by_name()), 1))
     while names:
         now = absorb(problem, names)
         tracer = Tracer(now, options, None, None)
         if not tracer.calibrate():
             break
-        fit, own = tracer.base.fit, {name: now.more_of(name) for name in names}
+        fit, dependents = tracer.base.fit, {name: now.dependent_nuisances(name) for name in names}
         d = np.array([structure.strength(fit, _coefficients(problem, name)) for name in names])
-        d[[_strayed(own[name], now.nuisances, fit.point.theta) for name in names]] = 0.0
+        d[[_has_strayed(dependents[name], now.nuisances, fit.point.theta) for name in names]] = 0.0
         if d.min() >= least:
             break
-        gone = names[int(np.argmin(d))]
-        names = [name for name in names if name != gone and name not in own[gone]]
+        weakest_name = names[int(np.argmin(d))]
+        names = [name for name in names if name != weakest_name and name not in dependents[weakest_name]]
     return names
 
 
@@ -182,17 +188,17 @@ def _coefficients(problem, name):
     return problem.families[name].members if name in problem.families else (name,)
 
 
-def _strayed(own, nuisances, theta):
+def _has_strayed(dependents, nuisances, theta):
     """True if a nuisance that a law brought along has left its prior."""
-    return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in zip(nuisances, theta) if n.name in own)
+    return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in zip(nuisances, theta) if n.name in dependents)
 
 
 def absorb(problem, names):
     """The problem with some laws as part of the model: its own way (a law may bring more nuisances), or `known`."""
-    return (problem.absorbed(names) or known_laws(problem, tuple(names))) if names else problem
+    return (problem.absorb_laws(names) or laws_as_nuisances(problem, tuple(names))) if names else problem
 
 
-def _misfit_without_repeats(first, options):
+def _is_ambiguous_misfit(first, options):
     """True where the trace says "misfit or noise": the held-out groups are to tell."""
     return bool(first.certificates["repeats"]["R14"]) and first.p_global < options.alpha / 2
 
@@ -223,10 +229,10 @@ def add_in_stages(problem, options=None, most=12, progress=None):
     quick = replace(options, max_laws=1, n_null=min(options.n_null, QUICK), power=False, experiments=False)
     first = Tracer(problem, quick, progress, None).run()
     rounds, names, refused, last = [], [], set(), first
-    if first.verdict not in NOTHING or _misfit_without_repeats(first, options):
+    if first.verdict not in NOTHING or _is_ambiguous_misfit(first, options):
         rounds = _forward(problem, names, refused, most, quick, progress)
-    added, names = names, _pruned(problem, names, quick)
-    fine = _never_worse(problem, names, rounds, quick)
+    added, names = names, _drop_weak(problem, names, quick)
+    fine = _drop_worsening(problem, names, rounds, quick)
     added, names = [name for name in added if name in fine or name not in names], fine
     superseded = [name for name in added if name not in names]
     rounds = [r._replace(kept=r.law in names) for r in rounds]
@@ -247,15 +253,22 @@ def _effect(problem, law, r, fit, sd):
     names = [n.name for n in fit.model.problem.nuisances]
     members = _coefficients(problem, r.law)
     values = {m: (float(fit.point.theta[names.index(m)]), float(sd[names.index(m)])) for m in members}
-    (value, own), more = values[members[0]], {}
+    (value, value_sd), more = values[members[0]], {}
     if r.law in problem.families:
         c, s = np.array(list(values.values())).T
-        value, own = float(np.sqrt(np.mean(c**2))), float(np.sqrt(np.mean(s**2)))
+        value, value_sd = float(np.sqrt(np.mean(c**2))), float(np.sqrt(np.mean(s**2)))
         more = {"coefficients": {m: {"value": v, "sd": s} for m, (v, s) in values.items()}}
     unsure = r.rivals or " or " in law.port
     status = "confounded" if unsure else "named" if problem.heldout_independent else "candidate"
     return (
-        {"law": law.name, "port": law.port, "value": value, "sd": own, "unit": law.unit, "d": abs(value) / own}
+        {
+            "law": law.name,
+            "port": law.port,
+            "value": value,
+            "sd": value_sd,
+            "unit": law.unit,
+            "d": abs(value) / value_sd,
+        }
         | {"d_when_added": r.d, "heldout_chi2_gain": r.chi2_gain, "kind": law.kind, "text": law.text}
         | {"page": law.page, "status": status, "rivals": list(r.rivals)}
         | problem.details(r.law, dict(zip(names, map(float, fit.point.theta))))
@@ -263,52 +276,54 @@ def _effect(problem, law, r, fit, sd):
     )
 
 
-def _acted(problem, kept, fit):
+def _affected_observables(problem, accepted_rounds, fit):
     """Observables whose prediction changes when the coefficients of some laws are halved."""
     now, theta = fit.model.problem, np.array(fit.point.theta, float)
-    own = [m for r in kept for m in _coefficients(problem, r.law)]
-    half = np.where([n.name in own for n in now.nuisances], 0.5, 1.0)
+    coefficient_names = [m for r in accepted_rounds for m in _coefficients(problem, r.law)]
+    half = np.where([n.name in coefficient_names for n in now.nuisances], 0.5, 1.0)
     which = list(range(len(now.segments)))
-    whole, other = now.predict([(theta, {}), (theta * half, {})], which)
-    seen = [(o, whole[k], other[k]) for k in which for o in now.segments[k].observables]
-    return {o.name for o, a, b in seen if np.any(a[o.rows] != b[o.rows])}
+    full, other = now.predict([(theta, {}), (theta * half, {})], which)
+    pairs = [(o, full[k], other[k]) for k in which for o in now.segments[k].observables]
+    return {o.name for o, a, b in pairs if np.any(a[o.rows] != b[o.rows])}
 
 
 def summary(problem, first, rounds, last, fit, superseded=()):
     """JSON of all together: the keys of a trace, with one entry per law that was kept. fit: with them, or None."""
-    kept, data = [r for r in rounds if r.kept], {}
-    laws = {name: law for r in rounds for name, law in absorb(problem, _before(rounds, r)).known().items()}
-    sd = intervals.stated_sd(fit) if kept else None
+    accepted_rounds, data = [r for r in rounds if r.kept], {}
+    laws = {name: law for r in rounds for name, law in absorb(problem, _before(rounds, r)).laws_by_name().items()}
+    sd = intervals.stated_sd(fit) if accepted_rounds else None
     by_group = problem.heldout_by != "observable"
-    acted = set(first.heldout) if by_group or not kept else _acted(problem, kept, fit)
-    effects = [_effect(problem, laws[r.law], r, fit, sd) for r in kept]
+    affected = (
+        set(first.heldout) if by_group or not accepted_rounds else _affected_observables(problem, accepted_rounds, fit)
+    )
+    effects = [_effect(problem, laws[r.law], r, fit, sd) for r in accepted_rounds]
     for key, row in first.heldout.items():
-        end = last.heldout.get(key, row) if kept else row
-        one = kept[0].heldout.get(key, (row["before"],) * 2)[1] if kept else row["before"]
-        end, one = (end, one) if key in acted or not kept else (row, row["before"])
+        end = last.heldout.get(key, row) if accepted_rounds else row
+        one = accepted_rounds[0].heldout.get(key, (row["before"],) * 2)[1] if accepted_rounds else row["before"]
+        end, one = (end, one) if key in affected or not accepted_rounds else (row, row["before"])
         data[key] = {k: row[k] for k in ("unit", "floor", "before", "before_ci")}
         data[key] |= {"after_one_law": one, "after": end["before"], "after_ci": end["before_ci"]}
-    left = last.verdict not in NOTHING
-    if not kept:
+    has_residual = last.verdict not in NOTHING
+    if not accepted_rounds:
         # without repeats a misfit that no law explains on held-out data is not told from noise
-        told = first.verdict in (*NOTHING, "firmware") or not first.certificates["repeats"]["R14"]
-        verdict = first.verdict if told else "noise-model"
+        is_decided = first.verdict in (*NOTHING, "firmware") or not first.certificates["repeats"]["R14"]
+        verdict = first.verdict if is_decided else "noise-model"
         # a first trace may name what held-out data do not bear out
         verdict = "unexplained" if verdict in ("named", "confounded", "candidate") else verdict
     else:
-        unsure = any(r.rivals for r in kept[:1]) or any(" or " in e["port"] for e in effects)
+        unsure = any(r.rivals for r in accepted_rounds[:1]) or any(" or " in e["port"] for e in effects)
         verdict = "candidate" if not problem.heldout_independent else "confounded" if unsure else "named"
-    words = f"{len(kept)} law(s): {', '.join(r.law for r in kept)}; " if kept else ""
-    return plain(
+    words = f"{len(accepted_rounds)} law(s): {', '.join(r.law for r in accepted_rounds)}; " if accepted_rounds else ""
+    return plain_value(
         {
             "problem": problem.name,
             "verdict": verdict,
-            "sentence": f"{words}{'left: ' if kept else ''}{last.sentence}",
+            "sentence": f"{words}{'left: ' if accepted_rounds else ''}{last.sentence}",
             "effects": effects,
             "heldout": data,
             "p_global": first.p_global,
-            "p_left": last.p_global if kept else first.p_global,
-            "something_left": bool(kept and (left or (last.p_global or 1.0) < 0.01)),
+            "p_left": last.p_global if accepted_rounds else first.p_global,
+            "something_left": bool(accepted_rounds and (has_residual or (last.p_global or 1.0) < 0.01)),
             "heldout_chi2": {"before": first.heldout_chi2.get("before"), "after": last.heldout_chi2.get("before")},
             "not_carried_over": [r.law for r in rounds if not r.kept and r.law not in superseded],
             "superseded": list(superseded),

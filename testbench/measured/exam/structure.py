@@ -14,17 +14,17 @@ from testbench.tracing.fit.rank import Projection
 def gains(tracer):
     """[(gain less ln of the number of laws, name, d, None)] of the families of a tracer's problem at its base fit."""
     problem, fit, out = tracer.problem, tracer.base.fit, []
-    total = np.log(max(len(problem.known()), 1))
+    total = np.log(max(len(problem.laws_by_name()), 1))
     projection = Projection(fit.jacobian, fit.model.prior_columns()) if problem.families else None
     for name, family in problem.families.items():
         points = [(fit.point.theta, {})] + [(fit.point.theta, {member: 1.0}) for member in family.members]
-        none, *moved = problem.predict(points, list(tracer.space.which))
-        b = projection.full(np.stack([tracer.space.change(m, none) for m in moved], axis=1))
-        z = projection.full(fit.z[:, None], fit.model.prior_rows(fit.point)[:, None])[:, 0]
+        none, *shifted = problem.predict(points, list(tracer.space.which))
+        b = projection.project_all(np.stack([tracer.space.whitened_change(m, none) for m in shifted], axis=1))
+        z = projection.project_all(fit.z[:, None], fit.model.prior_rows(fit.point)[:, None])[:, 0]
         gram, score, prior = b.T @ b, b.T @ z, np.eye(len(family.members)) / family.law.scale**2
-        found = np.linalg.solve(gram + prior, score)
-        gain = (score @ found - np.linalg.slogdet(np.eye(len(prior)) + gram * family.law.scale**2)[1]) / 2
-        fall = 2 * score @ found - found @ gram @ found
+        coefficients = np.linalg.solve(gram + prior, score)
+        gain = (score @ coefficients - np.linalg.slogdet(np.eye(len(prior)) + gram * family.law.scale**2)[1]) / 2
+        fall = 2 * score @ coefficients - coefficients @ gram @ coefficients
         out.append((float(gain - total), name, float(np.sqrt(max(fall - len(prior), 0.0))), None))
     return out
 

@@ -12,8 +12,8 @@ def recognised(paths, form):
     """[(path, content)] of the files whose first bytes a module of this folder knows, and whose content it has."""
     out = []
     for path in paths:
-        known = form.is_one(inputs.head(path, HEAD_BYTES))
-        content = form.load(path) if known else None
+        is_recognised = form.is_one(inputs.head(path, HEAD_BYTES))
+        content = form.load(path) if is_recognised else None
         if content is not None:
             out.append((path, content))
     return out

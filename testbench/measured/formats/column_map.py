@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.errors import FileError
-from testbench.measured.formats.contents import InputOutput, Levels, Meters, Rest, Sweep, Trace, on_grid
+from testbench.measured.formats.contents import InputOutput, Levels, Meters, Sweep, Trace, ZeroRateRecord, on_grid
 from testbench.measured.formats.table import numbers, read_table
 from testbench.measured.quality import backwards, units
 from testbench.measured.quality.finding import QualityError
@@ -41,7 +41,7 @@ UNITS = {
     "deg/s": {"deg/s": 1.0, "rad/s": 180 / np.pi, "mdeg/s": 1e-3, "deg/h": 1 / 3600, "count": 1.0},
     "": {},
 }
-WANTED = {  # kind: {role: unit of the product}; those of OPTIONAL may be left out
+ROLE_UNITS = {  # kind: {role: unit of the product}; those of OPTIONAL may be left out
     "ring-down": {"time": "s", "power": "dBm"},
     "spectrum": {"frequency": "Hz", "power": "dBm"},
     "sweep": {"frequency": "Hz"}
@@ -90,11 +90,11 @@ class Map(BaseModel):
 
 def is_map(head, *kinds):
     """True if the first bytes are those of a column map of one of the kinds; none named: of any."""
-    found = KIND.search(head)
-    return found is not None and found[1].decode() in (kinds or WANTED)
+    match = KIND.search(head)
+    return match is not None and match[1].decode() in (kinds or ROLE_UNITS)
 
 
-def maps(path, *kinds):
+def is_map_file(path, *kinds):
     """True if a file is a column map of one of the kinds; none named: of any."""
     return is_map(inputs.head(path, HEAD_BYTES), *kinds)
 
@@ -102,15 +102,15 @@ def maps(path, *kinds):
 def read(path):
     """Content of the recording that a map describes: what the reader of its kind gives."""
     path = Path(path)
-    stated = inputs.checked(inputs.read_toml(path, error=FileError), Map, path)
+    stated = inputs.validate_data(inputs.read_toml(path, error=FileError), Map, path)
     file = (path.parent / stated.file).resolve()
     if not file.is_relative_to(path.parent.resolve()):
         raise FileError(f"{path}: file: {stated.file[:80]!r} leads out of the folder")
-    found = _Found(path, stated, file)
-    return MAKERS[stated.kind](found)
+    mapped_table = _MappedTable(path, stated, file)
+    return MAKERS[stated.kind](mapped_table)
 
 
-class _Found:
+class _MappedTable:
     """The columns of a map in the product's units: `one` by role, `many` by role as a list."""
 
     def __init__(self, path, stated, file):
@@ -119,18 +119,18 @@ class _Found:
         for name in self.head:
             if name not in HEADS:
                 raise FileError(f"{path}: head.{name}: none of {', '.join(sorted(HEADS))}")
-        wanted, several = WANTED[stated.kind], SEVERAL.get(stated.kind, {})
+        allowed_roles, several = ROLE_UNITS[stated.kind], SEVERAL.get(stated.kind, {})
         for role in stated.columns:
-            if role not in wanted:
-                raise FileError(f"{path}: columns.{role}: none of {', '.join(wanted)} of kind {stated.kind}")
+            if role not in allowed_roles:
+                raise FileError(f"{path}: columns.{role}: none of {', '.join(allowed_roles)} of kind {stated.kind}")
         for role in ("readings", "spreads", "environment", "levels", "axes"):
             if getattr(stated, role) and role not in several:
                 raise FileError(f"{path}: {role}: kind {stated.kind} has none")
-        lacking = [r for r in wanted if r not in stated.columns and r not in OPTIONAL.get(stated.kind, ())]
+        lacking = [r for r in allowed_roles if r not in stated.columns and r not in OPTIONAL.get(stated.kind, ())]
         lacking += [r for r in list(several)[:1] if not getattr(stated, r)]
         if lacking:
             raise FileError(f"{path}: kind {stated.kind} wants {', '.join(lacking)}, which the map lacks")
-        self.one = {role: self._values(role, r, wanted[role]) for role, r in stated.columns.items()}
+        self.one = {role: self._values(role, r, allowed_roles[role]) for role, r in stated.columns.items()}
         self.many = {role: [self._values(role, r, u) for r in getattr(stated, role)] for role, u in several.items()}
         lengths = {len(v) for v in (*self.one.values(), *(v for many in self.many.values() for v in many))}
         if len(lengths) != 1 or min(lengths) < FEWEST[stated.kind]:
@@ -141,9 +141,9 @@ class _Found:
         if r.range is not None:
             low, high = r.range
             sheet = Sheet(str(self.file), self.stated.kind, (Column(r.column, r.unit, v, limits=(low, high)),))
-            beyond = list(units.beyond(sheet))
-            if beyond:
-                raise QualityError(beyond)
+            violations = list(units.limit_findings(sheet))
+            if violations:
+                raise QualityError(violations)
         if unit and r.unit not in UNITS[unit]:
             raise FileError(f"{self.path}: {role}: unit {r.unit[:20]!r} is none of {', '.join(UNITS[unit])}")
         v = self._dbm(role, r, v) if unit == "dBm" else v
@@ -171,11 +171,11 @@ class _Found:
     def ordered(self, axis, strictly):
         """(columns with a rising axis, findings)."""
         sheet = Sheet(str(self.file), self.stated.kind, _axis_first(self.one, axis))
-        order, said = backwards.rising(sheet, strictly, self.stated.kind != "sweep")
+        order, findings = backwards.rising(sheet, strictly, self.stated.kind != "sweep")
         if order is not None:
             self.one = {role: v[order] for role, v in self.one.items()}
             self.many = {role: [v[order] for v in many] for role, many in self.many.items()}
-        return said
+        return findings
 
     def rate_hz(self):
         """Sampling rate: of the head, or of regular instants."""
@@ -201,23 +201,26 @@ def _axis_first(one, axis):
     return tuple(Column(role, "", v, AXIS if role == axis else "signal") for role, v in one.items())
 
 
-def _trace(found):
-    axis = "time" if found.stated.kind == "ring-down" else "frequency"
-    found.one = {axis: found.one[axis], "power": found.one["power"]}
-    said = found.ordered(axis, axis == "time")
-    x = found.one[axis]
+def _make_trace(mapped_table):
+    axis = "time" if mapped_table.stated.kind == "ring-down" else "frequency"
+    mapped_table.one = {axis: mapped_table.one[axis], "power": mapped_table.one["power"]}
+    findings = mapped_table.ordered(axis, axis == "time")
+    x = mapped_table.one[axis]
     if x[-1] == x[0]:
-        raise FileError(f"{found.path}: {axis} stands still")
-    header = {"sample id": str(found.head.get("sample", "")), "date and time": str(found.head.get("date", ""))}
-    header["frequency [hz]"] = str(found.head.get("frequency_hz", "nan"))
-    header["quality factor"] = str(found.head.get("quality", "nan"))
+        raise FileError(f"{mapped_table.path}: {axis} stands still")
+    header = {
+        "sample id": str(mapped_table.head.get("sample", "")),
+        "date and time": str(mapped_table.head.get("date", "")),
+    }
+    header["frequency [hz]"] = str(mapped_table.head.get("frequency_hz", "nan"))
+    header["quality factor"] = str(mapped_table.head.get("quality", "nan"))
     kind = "ringdown" if axis == "time" else "spectrum"
     grid = x if kind == "ringdown" else on_grid(x)
-    return Trace(str(found.file), header, kind, grid, found.one["power"], x, said)
+    return Trace(str(mapped_table.file), header, kind, grid, mapped_table.one["power"], x, findings)
 
 
-def _sweep(found):
-    one = found.one
+def _make_sweep(mapped_table):
+    one = mapped_table.one
     s, polar = {"s11": np.zeros(len(one["frequency"]), complex)}, {}
     for name in ("s11", "s21"):
         if {f"{name}_re", f"{name}_im"} <= set(one):
@@ -226,68 +229,76 @@ def _sweep(found):
             polar[name] = one[f"{name}_db"], one[f"{name}_deg"]
             s[name] = 10 ** (polar[name][0] / 20) * np.exp(1j * np.deg2rad(polar[name][1]))
     if "s21" not in s:
-        raise FileError(f"{found.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
-    found.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
-    found.ordered("frequency", True)
-    f, date = one["frequency"], str(found.head.get("date", ""))
-    return Sweep(str(found.file), (date,), f, s, 50.0, False, grid_step(f), polar, bool(polar))
+        raise FileError(f"{mapped_table.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
+    mapped_table.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
+    mapped_table.ordered("frequency", True)
+    f, date = one["frequency"], str(mapped_table.head.get("date", ""))
+    return Sweep(str(mapped_table.file), (date,), f, s, 50.0, False, grid_step(f), polar, bool(polar))
 
 
-def _meters(found):
-    readings, spreads = (found.many[role] for role in ("readings", "spreads"))
+def _make_meters(mapped_table):
+    readings, spreads = (mapped_table.many[role] for role in ("readings", "spreads"))
     if spreads and len(spreads) != len(readings):
         raise FileError(
-            f"{found.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
+            f"{mapped_table.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
         )
-    said = found.ordered("time", False)
-    many = found.many
+    findings = mapped_table.ordered("time", False)
+    many = mapped_table.many
     return Meters(
-        found.path,
-        found.sha256,
-        found.one["time"] - found.one["time"][0],
-        found.one["source"],
-        found.names("readings"),
+        mapped_table.path,
+        mapped_table.sha256,
+        mapped_table.one["time"] - mapped_table.one["time"][0],
+        mapped_table.one["source"],
+        mapped_table.names("readings"),
         np.column_stack(many["readings"]),
         np.column_stack(many["spreads"]) if spreads else None,
-        dict(zip(found.names("environment"), many["environment"])),
-        said,
+        dict(zip(mapped_table.names("environment"), many["environment"])),
+        findings,
     )
 
 
-def _levels(found):
-    n = len(found.many["levels"][0])
+def _make_levels(mapped_table):
+    n = len(mapped_table.many["levels"][0])
     bits = n.bit_length() - 1
-    code = found.one.get("code", np.arange(n))
+    code = mapped_table.one.get("code", np.arange(n))
     if n != 1 << bits or not 8 <= bits <= 18 or not np.array_equal(np.sort(code - code.min()), np.arange(n)):
-        raise FileError(f"{found.path}: {n} levels; 2^8 .. 2^18 wanted, each code once")
+        raise FileError(f"{mapped_table.path}: {n} levels; 2^8 .. 2^18 wanted, each code once")
     order = np.argsort(code)
-    channels = {name: v[order] for name, v in zip(found.names("levels"), found.many["levels"])}
-    return Levels(found.path, found.sha256, bits, channels)
+    channels = {name: v[order] for name, v in zip(mapped_table.names("levels"), mapped_table.many["levels"])}
+    return Levels(mapped_table.path, mapped_table.sha256, bits, channels)
 
 
-def _driven(found):
-    still = [role for role in ("input", "output") if np.ptp(found.one[role]) == 0]
+def _make_driven(mapped_table):
+    still = [role for role in ("input", "output") if np.ptp(mapped_table.one[role]) == 0]
     if still:
-        raise FileError(f"{found.path}: {still[0]} is the same in all rows")
-    return InputOutput(str(found.path), found.one["input"], found.one["output"], found.rate_hz(), False)
+        raise FileError(f"{mapped_table.path}: {still[0]} is the same in all rows")
+    return InputOutput(
+        str(mapped_table.path), mapped_table.one["input"], mapped_table.one["output"], mapped_table.rate_hz(), False
+    )
 
 
-def _rest(found):
-    rate, table = found.rate_hz(), np.column_stack(found.many["axes"])
-    counted = [r.unit == "count" for r in found.stated.axes]
+def _make_zero_rate(mapped_table):
+    rate, table = mapped_table.rate_hz(), np.column_stack(mapped_table.many["axes"])
+    counted = [r.unit == "count" for r in mapped_table.stated.axes]
     if any(counted):
         if not all(counted):
-            raise FileError(f"{found.path}: axes: all in counts, or none")
-        lsb, counts = found.number("lsb_deg_per_s", 1e-12, 1e6), table
+            raise FileError(f"{mapped_table.path}: axes: all in counts, or none")
+        lsb, counts = mapped_table.number("lsb_deg_per_s", 1e-12, 1e6), table
     else:
         # rates on no grid are put on one far finer than their noise
-        own = min(grid_step(v) or 1e-3 * noise_sd(v) for v in table.T)
-        lsb = found.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in found.head else own
+        noise_lsb = min(grid_step(v) or 1e-3 * noise_sd(v) for v in table.T)
+        lsb = mapped_table.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in mapped_table.head else noise_lsb
         if not lsb > 0:
-            raise FileError(f"{found.path}: axes: an axis without noise")
+            raise FileError(f"{mapped_table.path}: axes: an axis without noise")
         counts = table / lsb
-    return Rest(found.path, found.sha256, np.round(counts).astype(np.int64), lsb, rate)
+    return ZeroRateRecord(mapped_table.path, mapped_table.sha256, np.round(counts).astype(np.int64), lsb, rate)
 
 
-MAKERS = {"ring-down": _trace, "spectrum": _trace, "sweep": _sweep, "meters": _meters, "levels": _levels}
-MAKERS |= {"driven": _driven, "rest": _rest}
+MAKERS = {
+    "ring-down": _make_trace,
+    "spectrum": _make_trace,
+    "sweep": _make_sweep,
+    "meters": _make_meters,
+    "levels": _make_levels,
+}
+MAKERS |= {"driven": _make_driven, "rest": _make_zero_rate}

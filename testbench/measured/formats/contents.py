@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.measured.quality.rows.series import floor, grid_step
+from testbench.measured.quality.rows.series import grid_step, rounding_noise
 from testbench.measured.quality.sheet import DB_PER_NEPER
 
 
@@ -60,7 +60,7 @@ class Sweep(NamedTuple):
         """Noise (rms of the real or the imaginary part) that steps of the printed sizes make of S21."""
         if "s21" not in self.polar:
             return 0.0
-        noise = floor(self.polar["s21"][0])
+        noise = rounding_noise(self.polar["s21"][0])
         return float(np.median(np.abs(self.s["s21"]))) / DB_PER_NEPER * noise if self.decibels else noise
 
 
@@ -97,7 +97,7 @@ class InputOutput(NamedTuple):
     overloaded: bool
 
 
-class Rest(NamedTuple):
+class ZeroRateRecord(NamedTuple):
     """`counts` int (samples, axes)."""
 
     path: Path

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.measured.formats import column_map
-from testbench.measured.formats.contents import Rest
+from testbench.measured.formats.contents import ZeroRateRecord
 from testbench.storage import inputs
 from testbench.storage.npz_input import read_npz
 
@@ -21,31 +21,31 @@ MAGIC = b"PK\x03\x04"
 LSB_DEG_S, RATE_HZ = (1e-12, 1e6), (1e-3, 1e9)  # far beyond any gyroscope
 
 
-def looks_like(path):
+def is_zero_rate_file(path):
     """True if the file is an archive; what is in it only `read` can say."""
     head = inputs.head(path, column_map.HEAD_BYTES)
     return head.startswith(MAGIC) or column_map.is_map(head, "rest")
 
 
-def _scalar(path, held, ending, low, high):
-    numbers = [name for name, v in held.items() if v.size == 1 and v.dtype.kind in "iuf"]
-    found = [name for name in numbers if name.lower().endswith(ending)]
-    if len(found) != 1:
-        raise FileError(f"{path}: expected one number named ...{ending}, found {len(found)}")
-    value = float(held[found[0]].item())
+def _scalar(path, variables, ending, low, high):
+    numbers = [name for name, v in variables.items() if v.size == 1 and v.dtype.kind in "iuf"]
+    matches = [name for name in numbers if name.lower().endswith(ending)]
+    if len(matches) != 1:
+        raise FileError(f"{path}: expected one number named ...{ending}, found {len(matches)}")
+    value = float(variables[matches[0]].item())
     if not low <= value <= high:
-        raise FileError(f"{path}: {found[0]} = {value:g} is outside {low:g} .. {high:g}")
+        raise FileError(f"{path}: {matches[0]} = {value:g} is outside {low:g} .. {high:g}")
     return value
 
 
 def read(path):
     """`Rest` of a file; see the module."""
     path = Path(path)
-    if column_map.maps(path):
+    if column_map.is_map_file(path):
         return column_map.read(path)
     data = inputs.read_bytes(path)
-    held = read_npz(data, path)
-    arrays = [v for v in held.values() if v.ndim == 2 and v.dtype.kind in "iu" and 1 <= min(v.shape) <= MAX_AXES]
+    variables = read_npz(data, path)
+    arrays = [v for v in variables.values() if v.ndim == 2 and v.dtype.kind in "iu" and 1 <= min(v.shape) <= MAX_AXES]
     if len(arrays) != 1:
         raise FileError(f"{path}: expected one integer array (samples, axes), found {len(arrays)}")
     counts = arrays[0] if arrays[0].shape[1] <= MAX_AXES else arrays[0].T
@@ -54,4 +54,6 @@ def read(path):
     if np.any(np.ptp(counts, axis=0) == 0):
         raise FileError(f"{path}: axis {int(np.argmin(np.ptp(counts, axis=0)))} is the same in all samples")
     digest = hashlib.sha256(data).hexdigest()
-    return Rest(path, digest, counts, _scalar(path, held, "_deg_s", *LSB_DEG_S), _scalar(path, held, "_hz", *RATE_HZ))
+    return ZeroRateRecord(
+        path, digest, counts, _scalar(path, variables, "_deg_s", *LSB_DEG_S), _scalar(path, variables, "_hz", *RATE_HZ)
+    )

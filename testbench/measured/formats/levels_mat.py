@@ -16,13 +16,13 @@ from testbench.storage import inputs
 
 BITS = range(8, 19)
 MOST_V = 1e6
-MIN_ALONG = 0.9  # of the steps in one direction, also where blocks of levels are in the wrong place
+MIN_MONOTONIC = 0.9  # of the steps in one direction, also where blocks of levels are in the wrong place
 MIN_RISE = 0.95  # rank correlation of a level with its code would be 1; a signal in time is far from it
 
 
-def looks_like(path):
+def is_levels_file(path):
     """True if the file is of this format and holds at least one table of levels."""
-    if column_map.maps(path, "levels"):
+    if column_map.is_map_file(path, "levels"):
         return True
     if not mat_file.is_mat(inputs.head(path, len(mat_file.MAGIC))):
         return False
@@ -35,18 +35,18 @@ def looks_like(path):
 def _rises(v):
     """True for a table of levels: a line over the code explains nearly all of it, or nearly all steps go one way."""
     code = np.arange(len(v), dtype=float)
-    along = max(np.mean(np.diff(v) > 0), np.mean(np.diff(v) < 0))
-    return np.std(v) > 0 and (abs(np.corrcoef(code, v)[0, 1]) > MIN_RISE or along > MIN_ALONG)
+    monotonic_share = max(np.mean(np.diff(v) > 0), np.mean(np.diff(v) < 0))
+    return np.std(v) > 0 and (abs(np.corrcoef(code, v)[0, 1]) > MIN_RISE or monotonic_share > MIN_MONOTONIC)
 
 
 def read(path):
     """`Levels` of a file; see the module."""
     path = Path(path)
-    if column_map.maps(path):
+    if column_map.is_map_file(path):
         return column_map.read(path)
-    held, digest = mat_file.read_mat(path)
+    variables, digest = mat_file.read_mat(path)
     channels = {}
-    for name, value in held.items():
+    for name, value in variables.items():
         if value.dtype.kind not in "fiu":
             continue
         v = np.asarray(value, float).ravel()

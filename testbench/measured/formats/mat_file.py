@@ -27,22 +27,22 @@ def is_mat(head):
     return head.startswith(MAGIC)
 
 
-def _limited(data, place):
+def _check_expansion(data, path):
     """FileError if the compressed elements unpack to more than is allowed."""
     at, total = HEADER_BYTES, 0
     order = "little" if data[126:128] == b"IM" else "big"
     while at + 8 <= len(data):
         kind, size = (int.from_bytes(data[k : k + 4], order) for k in (at, at + 4))
         if kind == COMPRESSED:
-            unpacker, rest = zlib.decompressobj(), data[at + 8 : at + 8 + size]
-            while rest and not unpacker.eof:
-                total += len(unpacker.decompress(rest, PIECE))
-                rest = unpacker.unconsumed_tail
-                inputs.expansion(place, total, len(data))
+            unpacker, pending = zlib.decompressobj(), data[at + 8 : at + 8 + size]
+            while pending and not unpacker.eof:
+                total += len(unpacker.decompress(pending, PIECE))
+                pending = unpacker.unconsumed_tail
+                inputs.expansion(path, total, len(data))
         at += 8 + size
 
 
-def read_mat(path, wanted=None):
+def read_mat(path, selection=None):
     """({name: array}, SHA-256 of the file); FileError with one line."""
     import scipy.io
 
@@ -51,9 +51,9 @@ def read_mat(path, wanted=None):
         raise FileError(f"{path}: expected a MATLAB 5 file, found other first bytes")
     with inputs.parsing(path, "MATLAB 5 file"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of names that stand twice: the last one counts
-        _limited(data, path)
-        listed = [(name, shape) for name, shape, kind in scipy.io.whosmat(io.BytesIO(data)) if kind in KINDS]
-        names = [name for name, _ in listed if wanted is None or name in wanted]
-        inputs.expansion(path, sum(8 * math.prod(shape) for name, shape in listed if name in names), len(data))
-        found = scipy.io.loadmat(io.BytesIO(data), variable_names=names) if names else {}
-    return {name: found[name] for name in names if name in found}, hashlib.sha256(data).hexdigest()
+        _check_expansion(data, path)
+        variables = [(name, shape) for name, shape, kind in scipy.io.whosmat(io.BytesIO(data)) if kind in KINDS]
+        names = [name for name, _ in variables if selection is None or name in selection]
+        inputs.expansion(path, sum(8 * math.prod(shape) for name, shape in variables if name in names), len(data))
+        arrays = scipy.io.loadmat(io.BytesIO(data), variable_names=names) if names else {}
+    return {name: arrays[name] for name in names if name in arrays}, hashlib.sha256(data).hexdigest()

@@ -28,9 +28,9 @@ MAX_POINTS = 1_000_000
 MOST = 1e9  # of any number
 
 
-def looks_like(path):
+def is_meters_file(path):
     """True if the first line is that of this format, or the file a column map of it."""
-    if column_map.maps(path, "meters"):
+    if column_map.is_map_file(path, "meters"):
         return True
     return inputs.head(path, len(HEAD)).decode("ascii", "replace").lower() == HEAD
 
@@ -38,7 +38,7 @@ def looks_like(path):
 def read(path):
     """`Meters` of a file; see the module."""
     path = Path(path)
-    if column_map.maps(path):
+    if column_map.is_map_file(path):
         return column_map.read(path)
     lines = [line for _, line in inputs.read_lines(path, "ascii", "replace")]
     if not lines or not lines[0].lower().startswith(HEAD):
@@ -68,7 +68,9 @@ def read(path):
         raise FileError(f"{path}: line 1: no column of readings behind the source")
     seconds = np.array([(t - when[0]).total_seconds() for t in when])
     axis = Column("time", "s", seconds, AXIS)
-    order, said = backwards.rising(Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0]))), False, True)
+    order, findings = backwards.rising(
+        Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0]))), False, True
+    )
     if order is not None:
         seconds, table = (seconds - seconds[-1])[order], table[order]
     for name, fixed in (("time", seconds), ("source", table[:, 0]), *((columns[i], table[:, i]) for i in meters)):
@@ -76,12 +78,12 @@ def read(path):
             raise FileError(f"{path}: {name} is the same in all {len(rows)} points")
     return Meters(
         path,
-        inputs.sha256_of(path),
+        inputs.file_sha256(path),
         seconds,
         table[:, 0],
         tuple(columns[i] for i in meters),
         table[:, meters],
         table[:, spreads] if len(spreads) == len(meters) else None,
         {c: table[:, i] for i, c in enumerate(columns) if ENVIRONMENT.match(c)},
-        said,
+        findings,
     )

@@ -29,16 +29,16 @@ class Numbers:
 
     def get(self, symbol, case, temperature=ROOM):
         """The only value of a symbol whose case begins so; FileError if there is none or more."""
-        found = [
+        matches = [
             r
             for r in self.rows
             if r["symbol"] == symbol and r["case"].startswith(case) and r["temperature_C"] in (temperature, "")
         ]
-        if len(found) != 1:
-            raise FileError(f"{self.path}: {len(found)} values of {symbol}, {case}, {temperature}; one wanted")
-        return self._number(found[0]["value"], symbol)
+        if len(matches) != 1:
+            raise FileError(f"{self.path}: {len(matches)} values of {symbol}, {case}, {temperature}; one wanted")
+        return self._parse_value(matches[0]["value"], symbol)
 
-    def _number(self, text, symbol):
+    def _parse_value(self, text, symbol):
         try:
             value = float(text)
         except ValueError:

@@ -28,24 +28,24 @@ def libraries():
     return pyarrow, parquet
 
 
-def read_parquet(data, place, wanted=None):
+def read_parquet(data, path, selection=None):
     """{name: array} of a Parquet file's plain columns of numbers, read in pieces; nothing larger than is allowed."""
     _, parquet = libraries()
-    with inputs.parsing(place, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
+    with inputs.parsing(path, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
         rows, schema = file.metadata.num_rows, file.schema
         plain = {
             schema.column(k).path: WIDTHS[schema.column(k).physical_type]
             for k in range(len(schema))
             if schema.column(k).physical_type in WIDTHS and not schema.column(k).max_repetition_level
         }
-        names = [name for name in (plain if wanted is None else wanted) if name in plain]
-        inputs.expansion(place, rows * sum(plain[name] for name in names), len(data))
-        found = {name: [] for name in names}
-        left = rows
+        names = [name for name in (plain if selection is None else selection) if name in plain]
+        inputs.expansion(path, rows * sum(plain[name] for name in names), len(data))
+        pieces = {name: [] for name in names}
+        remaining_rows = rows
         for batch in file.iter_batches(BATCH_ROWS, columns=names) if names else ():
-            left -= len(batch)
-            if left < 0:
-                raise FileError(f"{place}: more rows than the {rows} that its head states")
+            remaining_rows -= len(batch)
+            if remaining_rows < 0:
+                raise FileError(f"{path}: more rows than the {rows} that its head states")
             for name in names:
-                found[name].append(batch.column(name).to_numpy(zero_copy_only=False))
-        return {name: np.concatenate(parts) for name, parts in found.items() if parts}
+                pieces[name].append(batch.column(name).to_numpy(zero_copy_only=False))
+        return {name: np.concatenate(parts) for name, parts in pieces.items() if parts}

@@ -33,10 +33,10 @@ class Reader(NamedTuple):
 READERS = (
     Reader(lambda path, head: ringdown_text.is_one(head), ringdown_text.load),
     Reader(lambda path, head: touchstone.is_one(head), touchstone.load),
-    Reader(lambda path, head: meters_csv.looks_like(path), meters_csv.read),
-    Reader(lambda path, head: gyro_npz.looks_like(path), gyro_npz.read),
+    Reader(lambda path, head: meters_csv.is_meters_file(path), meters_csv.read),
+    Reader(lambda path, head: gyro_npz.is_zero_rate_file(path), gyro_npz.read),
     Reader(lambda path, head: input_output.is_one(head), input_output.load),
-    Reader(lambda path, head: levels_mat.looks_like(path), levels_mat.read),
+    Reader(lambda path, head: levels_mat.is_levels_file(path), levels_mat.read),
 )
 
 
@@ -44,9 +44,9 @@ def content(path):
     """Content of a recording; None if no reader knows it. FileError: a reader knows it, and it is damaged."""
     head = inputs.head(path, HEAD_BYTES)
     for reader in READERS:
-        found = reader.read(path) if reader.knows(path, head) else None
-        if found is not None:
-            return found
+        recording = reader.read(path) if reader.knows(path, head) else None
+        if recording is not None:
+            return recording
     return None
 
 
@@ -57,14 +57,15 @@ def lacking(path):
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     first = lines[0][:80] if lines else "nothing"
     if mat_file.is_mat(head):
-        held = mat_file.read_mat(path)[0]
-        sizes = ", ".join(f"{name} {v.shape}" for name, v in list(held.items())[:8]) or "no arrays of numbers"
+        arrays = mat_file.read_mat(path)[0]
+        sizes = ", ".join(f"{name} {v.shape}" for name, v in list(arrays.items())[:8]) or "no arrays of numbers"
         return f"MATLAB file with {sizes}; wanted V1 and V2 (V), or vectors of 2^8 .. 2^18 rising levels (V)"
     comment = next((line for line in lines if line.startswith("%")), None)
     if comment:
-        named = next((line for line in lines if line.startswith("%") and "," in line), comment)
+        column_line = next((line for line in lines if line.startswith("%") and "," in line), comment)
         return (
-            f"ring-down or spectrum: found {named[:80]!r}, wanted '% time [s], power [dBm]' or '% frequency [Hz], ...'"
+            f"ring-down or spectrum: found {column_line[:80]!r}, wanted '% time [s], power [dBm]' or '% frequency "
+            "[Hz], ...'"
         )
     option = next((line for line in lines if line.startswith("#")), None)
     if option:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import FileError
-from testbench.storage.inputs import sha256_of
+from testbench.storage.inputs import file_sha256
 
 FOLDER, CACHE = "GYRO_DATA_DIR", "GYRO_DATA_CACHE"
 
@@ -38,10 +38,10 @@ SETS = tuple(dict.fromkeys(f.set for f in FILES))
 
 def files(set_name):
     """The `File`s of a set; FileError names those there are."""
-    found = tuple(f for f in FILES if f.set == set_name)
-    if not found:
+    matches = tuple(f for f in FILES if f.set == set_name)
+    if not matches:
         raise FileError(f"data set {set_name!r}: none of {', '.join(SETS)}")
-    return found
+    return matches
 
 
 def paths(set_name):
@@ -51,34 +51,34 @@ def paths(set_name):
 
 def folders():
     """{set: [paths]} of all sets that can be had: those that are not published as they are need the folder."""
-    whole = bool(os.environ.get(FOLDER))
-    return {name: paths(name) for name in SETS if whole or all(f.url for f in files(name))}
+    has_folder = bool(os.environ.get(FOLDER))
+    return {name: paths(name) for name in SETS if has_folder or all(f.url for f in files(name))}
 
 
 def path(file):
     """Where the bytes of a `File` lie on this machine; FileError if they cannot be had or are others."""
     folder = os.environ.get(FOLDER)
     if folder:
-        there = Path(folder) / file.set / file.name
-        if not there.is_file():
-            raise FileError(f"{there}: is not there ({FOLDER}={folder})")
-        return _checked(there, file)
+        location = Path(folder) / file.set / file.name
+        if not location.is_file():
+            raise FileError(f"{location}: is not there ({FOLDER}={folder})")
+        return _verify_file(location, file)
     if not file.url:
         raise FileError(f"{file.set}/{file.name}: {file.note}; set {FOLDER} to a folder that holds it")
-    return _checked(_downloaded(file), file)
+    return _verify_file(_download(file), file)
 
 
-def _checked(there, file):
-    size = there.stat().st_size
+def _verify_file(location, file):
+    size = location.stat().st_size
     if size != file.bytes:
-        raise FileError(f"{there}: {size} bytes, the published file has {file.bytes}")
-    found = sha256_of(there)
-    if found != file.sha256:
-        raise FileError(f"{there}: SHA-256 {found}, the published file has {file.sha256}")
-    return there
+        raise FileError(f"{location}: {size} bytes, the published file has {file.bytes}")
+    digest = file_sha256(location)
+    if digest != file.sha256:
+        raise FileError(f"{location}: SHA-256 {digest}, the published file has {file.sha256}")
+    return location
 
 
-def _downloaded(file):
+def _download(file):
     import pooch
 
     cache = Path(os.environ.get(CACHE) or pooch.os_cache("ftr-gyro")) / file.set
@@ -86,10 +86,10 @@ def _downloaded(file):
         if not file.member:
             return Path(pooch.retrieve(file.url, f"sha256:{file.sha256}", fname=file.name, path=cache))
         unpack = pooch.Unzip(members=[file.member], extract_dir="unpacked")
-        found = pooch.retrieve(file.url, None, fname="archive.zip", path=cache, processor=unpack)
+        unpacked = pooch.retrieve(file.url, None, fname="archive.zip", path=cache, processor=unpack)
     except (OSError, ValueError) as problem:  # requests' errors are OSErrors; a wrong hash is a ValueError
         raise FileError(f"{file.set}/{file.name}: cannot be had from {file.url}: {problem}") from None
-    for name in found:
+    for name in unpacked:
         if name.endswith(file.member):
             return Path(name)
     raise FileError(f"{file.set}/{file.name}: {file.url} holds no {file.member}")

@@ -30,7 +30,7 @@ def is_one(head):
 
 def load(path):
     """`Trace` of a file; FileError says line and reason."""
-    if column_map.maps(path):
+    if column_map.is_map_file(path):
         return column_map.read(path)
     header, kind, rows = {}, "", []
     for number, line in inputs.read_lines(path, errors="replace"):
@@ -58,13 +58,13 @@ def load(path):
     if len(rows) < SHORTEST:
         raise FileError(f"{path}: {len(rows)} rows, {SHORTEST} or more wanted")
     x, power = np.array(rows).T
-    order, said = backwards.rising(_as_sheet(path, kind, x, power), kind == "ringdown", True)
+    order, findings = backwards.rising(_as_sheet(path, kind, x, power), kind == "ringdown", True)
     if order is not None:
         x, power = x[order], power[order]
     if x[-1] == x[0] or np.all(power == power[0]):
         raise FileError(f"{path}: a column is the same in every row")
     grid = x if kind == "ringdown" else contents.on_grid(x)
-    return Trace(str(path), header, kind, grid, power, x, said)
+    return Trace(str(path), header, kind, grid, power, x, findings)
 
 
 def _as_sheet(path, kind, x, power):

@@ -7,7 +7,7 @@ examine(paths, channel)    findings about files of one part
 import numpy as np
 
 from testbench.measured.formats import readers
-from testbench.measured.formats.gyro_npz import Rest
+from testbench.measured.formats.gyro_npz import ZeroRateRecord
 from testbench.measured.formats.input_output import InputOutput
 from testbench.measured.formats.levels_mat import Levels
 from testbench.measured.formats.meters_csv import Meters
@@ -24,14 +24,14 @@ HIGHEST_HZ = 1e12
 SEVENTH = 1e-6  # of a usual response: its seventh digit
 
 
-def of(content, channel=None):
+def content_sheet(content, channel=None):
     """`Sheet` of a reader's content."""
     if isinstance(content, Levels):
-        return _levels(content, channel)
+        return _levels_sheet(content, channel)
     return KINDS[type(content)](content)
 
 
-def _trace(c):
+def _trace_sheet(c):
     if c.kind == "ringdown":
         axis = Column("time", "s", c.x, AXIS)
     else:
@@ -42,17 +42,17 @@ def _trace(c):
     return Sheet(c.path, c.kind, (axis, Column("power", "dBm", c.power_dbm, limits=DBM)), stated=stated)
 
 
-def _sweep(c):
+def _sweep_sheet(c):
     columns = [Column("frequency", "Hz", c.frequency_hz, AXIS, limits=(0.0, HIGHEST_HZ), resolution=c.rounding_hz)]
     for name, s in c.s.items():
         size_db = c.polar[name][0] if c.decibels and name in c.polar else _db(s)
         columns.append(Column(name, "dB", size_db, OTHER))
     if "s21" in c.s:
-        columns += _response(c.s["s21"], c.polar.get("s21"), c.decibels)
+        columns += _transmission_columns(c.s["s21"], c.polar.get("s21"), c.decibels)
     return Sheet(c.path, "sweep", tuple(columns))
 
 
-def _response(s, polar, decibels):
+def _transmission_columns(s, polar, decibels):
     """Columns of S21: signals are those of the file, as its print makes no grid after conversion."""
     parts, angles = (OTHER, SIGNAL) if polar else (SIGNAL, OTHER)
     size, angle = polar or (np.abs(s), np.angle(s, deg=True))
@@ -68,7 +68,7 @@ def _db(s):
     return 20 * np.log10(np.maximum(np.abs(s), 1e-30))
 
 
-def _meters(c):
+def _meters_sheet(c):
     columns = [Column("time", "s", c.seconds, AXIS), Column("source", "V", c.source_v, SETTING)]
     for k, name in enumerate(c.names):
         columns.append(Column(name, "V", c.readings_v[:, k], error=c.readings_v[:, k] - c.source_v))
@@ -79,7 +79,7 @@ def _meters(c):
     return Sheet(str(c.path), "meters", tuple(columns), np.argsort(c.source_v, kind="stable"))
 
 
-def _levels(c, channel):
+def _levels_sheet(c, channel):
     name = channel if channel in c.channels else max(c.channels, key=lambda n: np.ptp(c.channels[n]))
     v = c.channels[name]
     code = np.arange(len(v)) - (len(v) - 1) / 2
@@ -87,23 +87,29 @@ def _levels(c, channel):
     return Sheet(str(c.path), "levels", (Column(name, "V", v, error=v - line, limits=DAC_V),))
 
 
-def _driven(c):
+def _driven_sheet(c):
     columns = (Column("input", "V", c.input_v, fast=True), Column("output", "V", c.output_v, fast=True))
     return Sheet(c.path, "driven", columns)
 
 
-def _rest(c):
+def _zero_rate_sheet(c):
     columns = tuple(
         Column(f"axis {'xyzuvw'[k]}", "counts", c.counts[:, k].astype(float)) for k in range(c.counts.shape[1])
     )
     return Sheet(str(c.path), "rest", columns, stated={"lsb_deg_per_s": c.lsb_deg_per_s, "rate_hz": c.rate_hz})
 
 
-KINDS = {Trace: _trace, Sweep: _sweep, Meters: _meters, InputOutput: _driven, Rest: _rest}
+KINDS = {
+    Trace: _trace_sheet,
+    Sweep: _sweep_sheet,
+    Meters: _meters_sheet,
+    InputOutput: _driven_sheet,
+    ZeroRateRecord: _zero_rate_sheet,
+}
 
 
 def examine(paths, channel=None):
     """Findings about recordings of one part; files that no reader knows have none."""
-    held = [c for c in (readers.content(path) for path in paths) if c is not None]
-    mended = tuple(f for c in held for f in getattr(c, "quality", ()))
-    return (*mended, *checks.examine([of(c, channel) for c in held]))
+    contents = [c for c in (readers.content(path) for path in paths) if c is not None]
+    mended = tuple(f for c in contents for f in getattr(c, "quality", ()))
+    return (*mended, *checks.examine([content_sheet(c, channel) for c in contents]))

@@ -67,10 +67,10 @@ def numbers(path, table, names):
     return out
 
 
-def _split(path, held):
+def _split(path, arrays):
     """Columns of arrays: vectors as they are, tables by their shorter side."""
     out = {}
-    for name, v in held.items():
+    for name, v in arrays.items():
         if v.dtype.kind not in "biufcU" or v.ndim > 2 or not v.size:
             continue
         if v.ndim < 2 or min(v.shape) == 1:
@@ -88,7 +88,7 @@ def _delimiter(line):
     return next((mark for mark in ";\t," if mark in line), None)
 
 
-def _cells(line, mark):
+def _split_line(line, mark):
     cells = line.split() if mark is None else next(csv.reader([line], delimiter=mark))
     cells = [cell.strip() for cell in cells]
     return cells[:-1] if mark is not None and cells and not cells[-1] else cells
@@ -110,22 +110,22 @@ def _csv(path):
             continue
         if names is None:
             mark = _delimiter(line)
-            cells = _cells(line, mark)
+            cells = _split_line(line, mark)
             numeric = all(_is_number(cell) for cell in cells)
             names = [str(k + 1) for k in range(len(cells))] if numeric else cells
-            _named(path, number, names)
+            _check_column_names(path, number, names)
             if not numeric:
                 continue
-        cells = _cells(line, mark)
+        cells = _split_line(line, mark)
         cells += [""] * (len(names) - len(cells) if len(cells) == len(names) - 1 else 0)  # an empty last cell
         if len(cells) != len(names):
             raise FileError(f"{path}: line {number}: {len(cells)} cells, expected {len(names)}")
         rows.append(cells)
         lines.append(number)
-    return {name: _column(cells) for name, cells in zip(names, zip(*rows))} if rows else {}
+    return {name: _parse_column(cells) for name, cells in zip(names, zip(*rows))} if rows else {}
 
 
-def _named(path, number, names):
+def _check_column_names(path, number, names):
     if len(names) > MOST_COLUMNS:
         raise FileError(f"{path}: line {number}: {len(names)} columns are more than the limit of {MOST_COLUMNS}")
     for k, name in enumerate(names):
@@ -133,7 +133,7 @@ def _named(path, number, names):
             raise FileError(f"{path}: line {number}: duplicate or empty column name {name[:40]!r}")
 
 
-def _column(cells):
+def _parse_column(cells):
     if all(_is_number(cell) for cell in cells):
         return np.array([float("nan") if cell.lower() in EMPTY else float(cell) for cell in cells])
     return np.array(cells)

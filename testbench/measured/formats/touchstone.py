@@ -46,7 +46,7 @@ def _digits(token):
 
 def load(path):
     """`Sweep` of a file; FileError says line and reason."""
-    if column_map.maps(path):
+    if column_map.is_map_file(path):
         return column_map.read(path)
     comments, options, rows, last = [], None, [], 0.0
     for number, line in inputs.read_lines(path, "latin-1"):
@@ -59,7 +59,7 @@ def load(path):
         if fields[0].startswith("#"):
             options = options or _options(path, number, line)
             continue
-        rows.append(_row(path, number, fields))
+        rows.append(_parse_frequency_row(path, number, fields))
         if len(rows[-1]) != len(rows[0]):
             raise FileError(f"{path}: line {number}: {len(rows[-1])} numbers, the first row has {len(rows[0])}")
         last = max(last, 10.0 ** _digits(fields[0]))
@@ -71,7 +71,7 @@ def load(path):
     if ports is None:
         raise FileError(f"{path}: {data.shape[1]} columns; 3 (one port) or 9 (two ports) wanted")
     frequency, rounding = data[:, 0] * unit, last * unit
-    frequency, regular = _grid(path, frequency, rounding, data)
+    frequency, regular = _restore_grid(path, frequency, rounding, data)
     if kind == "db" and np.max(data[:, 1::2]) > MOST_DB:
         raise FileError(f"{path}: a parameter of {np.max(data[:, 1::2]):.3g} dB is above {MOST_DB:g} dB")
     s = {name: _pairs(kind, data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
@@ -83,7 +83,7 @@ def load(path):
     return Sweep(str(path), tuple(comments), frequency, s, ohm, regular, rounding, polar, kind == "db")
 
 
-def _row(path, number, fields):
+def _parse_frequency_row(path, number, fields):
     """Numbers of a line: all finite, the first one a frequency above 0."""
     try:
         values = [float(f) for f in fields]
@@ -95,23 +95,23 @@ def _row(path, number, fields):
 
 
 def _options(path, number, line):
-    found = re.fullmatch(r"\s*#\s*(\w+)\s+(\w)\s+(\w+)\s+R\s+(\S+)\s*", line, re.I)
-    unit, kind = (found[1].lower(), found[3].lower()) if found else ("", "")
-    if unit not in UNITS or found[2].lower() != "s" or kind not in ("db", "ma", "ri"):
+    match = re.fullmatch(r"\s*#\s*(\w+)\s+(\w)\s+(\w+)\s+R\s+(\S+)\s*", line, re.I)
+    unit, kind = (match[1].lower(), match[3].lower()) if match else ("", "")
+    if unit not in UNITS or match[2].lower() != "s" or kind not in ("db", "ma", "ri"):
         raise FileError(f"{path}: line {number}: {line.strip()!r}: expected '# Hz S dB R 50' or its kin")
     try:
-        ohm = float(found[4])
+        ohm = float(match[4])
     except ValueError:
         ohm = math.nan
     if not 0 < ohm < 1e6:
-        raise FileError(f"{path}: line {number}: reference {found[4]} ohm")
+        raise FileError(f"{path}: line {number}: reference {match[4]} ohm")
     return UNITS[unit], kind, ohm
 
 
-def _grid(path, frequency, rounding, data):
+def _restore_grid(path, frequency, rounding, data):
     """(frequencies, True if they were put back on a regular grid); FileError where they are no sweep upwards."""
-    others = [Column(f"column {k + 2}", "", v) for k, v in enumerate(data[:, 1:].T)]
-    sheet = Sheet(str(path), "sweep", (Column("frequency", "Hz", frequency, AXIS, resolution=rounding), *others))
+    signals = [Column(f"column {k + 2}", "", v) for k, v in enumerate(data[:, 1:].T)]
+    sheet = Sheet(str(path), "sweep", (Column("frequency", "Hz", frequency, AXIS, resolution=rounding), *signals))
     backwards.rising(sheet, False, False)
     if frequency[-1] == frequency[0]:
         raise FileError(f"{path}: frequencies stand still; a sweep upwards wanted")

@@ -23,7 +23,7 @@ from testbench.run import design_check
 from testbench.storage import inputs
 from testbench.storage.record import Column, Record, TableColumn
 
-KEPT = "import"  # attribute with what was found and assumed, a line each
+IMPORT_LINES = "import"  # attribute with what was found and assumed, a line each
 
 
 class Imported(NamedTuple):
@@ -34,43 +34,43 @@ class Imported(NamedTuple):
     lacking: str
 
 
-def model(wanted, place):
+def model(mapping, map_path):
     """Configuration of the model that a map names."""
     try:
-        config = configuration.changed(configuration.Config(), wanted.settings())
+        config = configuration.changed(configuration.Config(), mapping.settings())
         design_check.default_only(config, "a measurement record")
         return config
     except (ConfigError, ValueError) as problem:
-        raise ConfigError(f"{place}: [set] {str(problem).removeprefix('changed: ')}") from None
+        raise ConfigError(f"{map_path}: [set] {str(problem).removeprefix('changed: ')}") from None
 
 
 def imported(paths, map_path):
     """`Imported` of files, each from one power-on, and their map."""
-    wanted = record_map.read(map_path)
-    if len(wanted.power_on) > len(paths):
-        raise ConfigError(f"{map_path}: {len(wanted.power_on)} [[power_on]] for {len(paths)} files")
-    config = model(wanted, map_path)
-    boards = [board.board(path, wanted, k, config) for k, path in enumerate(paths)]
+    mapping = record_map.read(map_path)
+    if len(mapping.power_on) > len(paths):
+        raise ConfigError(f"{map_path}: {len(mapping.power_on)} [[power_on]] for {len(paths)} files")
+    config = model(mapping, map_path)
+    boards = [board.board(path, mapping, k, config) for k, path in enumerate(paths)]
     starts = np.cumsum([0] + [b.frames for b in boards]).tolist()
     record = Record(_streams(boards, timing.valid_clock(config)), {}, to_toml(config), "measured")
-    record.attrs = _head(wanted, paths)
-    record.tables = _tables(wanted, boards, starts)
+    record.attrs = _head(mapping, paths)
+    record.tables = _record_tables(mapping, boards, starts)
     lines = [f"{b.path}: {text}" for b in boards for text in b.words]
-    whole, lacking = record, next((why for b in boards if (why := _unreplayable(b))), "")
+    full_record, lacking = record, next((why for b in boards if (why := _unreplayable(b))), "")
     if not lacking:
         record.streams["adc_ok"] = _good(boards, record)
-        lines.append("assumed: every recorded conversion was good (adc_ok)" if "adc_ok" not in wanted.columns else "")
-        whole, lacking = words.completed(record)
+        lines.append("assumed: every recorded conversion was good (adc_ok)" if "adc_ok" not in mapping.columns else "")
+        full_record, lacking = words.completed(record)
     if not lacking:
-        _first_words(boards, starts, whole)
+        _first_words(boards, starts, full_record)
     for b, start in zip(boards, starts):
-        lacking = _segments(wanted, b, start, whole if not lacking else record, lacking, lines)
-    record = record if lacking else whole
+        lacking = _segments(mapping, b, start, full_record if not lacking else record, lacking, lines)
+    record = record if lacking else full_record
     record.tables["segments"] = _segment_table(boards, starts)
     record.attrs["roles_sha256"] = schema.roles_sha256(record.tables["segments"])
     lines += _outlook(record, lacking)
     lines = tuple(line for line in lines if line)
-    record.attrs[KEPT] = json.dumps(lines)
+    record.attrs[IMPORT_LINES] = json.dumps(lines)
     return Imported(record, lines, lacking)
 
 
@@ -83,14 +83,14 @@ def _unreplayable(b):
     return f"{b.path}: rows are lost" if b.line.lost else ""
 
 
-def _head(wanted, paths):
-    head = {key: getattr(wanted, key) for key in record_map.HEAD}
-    sources = [[path.name, inputs.sha256_of(path)] for path in paths]
+def _head(mapping, paths):
+    head = {key: getattr(mapping, key) for key in record_map.HEAD}
+    sources = [[path.name, inputs.file_sha256(path)] for path in paths]
     return head | {
-        "regmap_sha256": wanted.regmap_sha256 or schema.regmap_sha256(),
+        "regmap_sha256": mapping.regmap_sha256 or schema.regmap_sha256(),
         "roles_sha256": "",
-        "nuisances": ",".join(p.param for p in wanted.prior),
-        "plan": wanted.name,
+        "nuisances": ",".join(p.param for p in mapping.prior),
+        "plan": mapping.name,
         "sources": json.dumps(sources),
     }
 
@@ -101,7 +101,7 @@ def _streams(boards, valid):
     for name in boards[0].streams:
         lsb, unc = boards[0].lsb_v.get(name, (None, None))
         attrs = schema.attributes(name, schema.STREAMS[name].tap, lsb, unc)
-        data = np.concatenate([b.streams[name] for b in boards]).astype(schema.dtype_of(name))
+        data = np.concatenate([b.streams[name] for b in boards]).astype(schema.stream_dtype(name))
         edge0 = valid if name.startswith("adc_") else 0
         out[name] = Column(data, schema.STREAMS[name].unit, *schema.PER_FRAME, edge0, attrs)
     return out
@@ -112,8 +112,8 @@ def _good(boards, record):
     if "adc_ok" in record.streams:
         return record.streams["adc_ok"]
     data = np.concatenate([(np.arange(b.frames) > 0) for b in boards]).astype(np.int32)
-    like = record.streams["adc_xI"]
-    return Column(data, "1", *schema.PER_FRAME, like.edge0, schema.attributes("adc_ok", "assumed"))
+    template = record.streams["adc_xI"]
+    return Column(data, "1", *schema.PER_FRAME, template.edge0, schema.attributes("adc_ok", "assumed"))
 
 
 def _first_words(boards, starts, record):
@@ -125,10 +125,10 @@ def _first_words(boards, starts, record):
                 record.streams[name].data[start] = values[0]
 
 
-def _segments(wanted, b, start, record, lacking, lines):
+def _segments(mapping, b, start, record, lacking, lines):
     """Fill the segments of a power-on; returns why words are missing, which may be that the board never locks."""
-    if wanted.segment:
-        b.parts = dwells.stated(wanted.segment, b.line.begin, b.frames, b.path)
+    if mapping.segment:
+        b.parts = dwells.stated_parts(mapping.segment, b.line.begin, b.frames, b.path)
         return lacking
     locked = np.ones(b.frames, bool)
     if "state" in record.streams:
@@ -143,15 +143,15 @@ def _segments(wanted, b, start, record, lacking, lines):
         first = int(np.argmax(locked)) / dwells.FRAME_HZ
         lines.append(f"{b.path}: assumed: locked from {first:.4g} s on, where the drive keeps phase and amplitude")
     role = "validate" if b.held_out else "fit"
-    b.parts = dwells.found(b.tracks, locked, wanted.dwells, role)
+    b.parts = dwells.find_parts(b.tracks, locked, mapping.dwells, role)
     for p in b.parts:
         if p.kind == "dwell":
             t = b.tracks
             lines.append(
                 f"{b.path}: dwell {p.id} {p.first / dwells.FRAME_HZ:.6g} .. {p.end / dwells.FRAME_HZ:.6g} s, {p.role}: "
-                f"{t.rate_dps.at(p.first):g} deg/s from {t.rate_dps.at(p.first - 1):g}, "
-                f"{t.temp_degc.at(p.first):g} degC, {t.a_um.at(p.first):.4g} um, "
-                f"detuned {t.detune_deg.at(p.first):.4g} deg"
+                f"{t.rate_dps.value_at(p.first):g} deg/s from {t.rate_dps.value_at(p.first - 1):g}, "
+                f"{t.temp_degc.value_at(p.first):g} degC, {t.a_um.value_at(p.first):.4g} um, "
+                f"detuned {t.detune_deg.value_at(p.first):.4g} deg"
             )
     return lacking
 
@@ -161,23 +161,23 @@ def _outlook(record, lacking):
     if not lacking:
         return ()
     missing = [name for name in words.TRACED if name not in record.streams]
-    said = f"tracing needs {', '.join(missing)}" if missing else "tracing works"
-    return (f"words are not replayed: {lacking}", f"R0 is not decidable; {said}")
+    outlook = f"tracing needs {', '.join(missing)}" if missing else "tracing works"
+    return (f"words are not replayed: {lacking}", f"R0 is not decidable; {outlook}")
 
 
-def _column(values, unit):
+def _table_column(values, unit):
     kinds = {"": str, "edge": np.int64}
     return TableColumn(np.array(values, kinds.get(unit)), unit)
 
 
 def _table(name, rows):
     """A table of the schema from its rows."""
-    units = schema.columns_of(name)
+    units = schema.table_columns(name)
     columns = zip(*rows) if rows else [()] * len(units)
-    return {key: _column(values, unit) for (key, unit), values in zip(units.items(), columns)}
+    return {key: _table_column(values, unit) for (key, unit), values in zip(units.items(), columns)}
 
 
-def _tables(wanted, boards, starts):
+def _record_tables(mapping, boards, starts):
     """Every table but the segments."""
     begun, order = [(b, FRAME_CYCLES * n) for b, n in zip(boards, starts)], schema.TABLES["priors"]
     return {
@@ -188,7 +188,7 @@ def _tables(wanted, boards, starts):
         "stimulus/temperature": _table(
             "stimulus/temperature", [row for b, a in begun for row in _stimulus(b, a, "temp_degc")]
         ),
-        "priors": _table("priors", [tuple(getattr(p, key) for key in order) for p in wanted.prior]),
+        "priors": _table("priors", [tuple(getattr(p, key) for key in order) for p in mapping.prior]),
     }
 
 
@@ -218,26 +218,28 @@ def _stimulus(b, a, name):
 
 def _set(b, p):
     """What is set at the end of a part: amplitude, detuning, temperature, rate."""
-    return tuple(t.at(p.end - 1) for t in (b.tracks.a_um, b.tracks.detune_deg, b.tracks.temp_degc, b.tracks.rate_dps))
+    return tuple(
+        t.value_at(p.end - 1) for t in (b.tracks.a_um, b.tracks.detune_deg, b.tracks.temp_degc, b.tracks.rate_dps)
+    )
 
 
-def _group(b, p, k, known, seen):
+def _group(b, p, k, groups, condition_keys):
     """Repeat group of a part: dwells of one condition in several files are repeats, named as the first of them."""
     if p.kind != "dwell":
         return f"{p.id}.{k}"
-    key = (*_set(b, p), b.tracks.rate_dps.at(p.first - 1), p.role)
+    key = (*_set(b, p), b.tracks.rate_dps.value_at(p.first - 1), p.role)
     # the same condition again in one power-on is no repeat: it shares the drive frequency with the first
-    seen.append(key)
-    name = p.id if p.id not in known.values() else f"{p.id}.{k}"
-    return known.setdefault((key, seen.count(key)), name)
+    condition_keys.append(key)
+    name = p.id if p.id not in groups.values() else f"{p.id}.{k}"
+    return groups.setdefault((key, condition_keys.count(key)), name)
 
 
 def _segment_table(boards, starts):
-    rows, known = [], {}
+    rows, groups = [], {}
     for k, (b, start) in enumerate(zip(boards, starts)):
-        seen = []
+        condition_keys = []
         for p in b.parts:
             at = FRAME_CYCLES * (start + p.first), FRAME_CYCLES * (start + p.end)
-            group = p.group or _group(b, p, k, known, seen)
+            group = p.group or _group(b, p, k, groups, condition_keys)
             rows.append((f"{p.id}.{k}", *at, p.kind, "drv pll ftr qsc", *_set(b, p), group, p.role))
     return _table("segments", rows)

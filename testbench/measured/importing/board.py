@@ -39,32 +39,34 @@ class Board:
     words: list = field(default_factory=list)  # what was found and assumed
 
 
-def board(path, wanted, k, config):
+def board(path, mapping, k, config):
     """`Board` of file k with a `record_map.Map` and the configuration of the model."""
-    held = table.read_table(path)
-    names = {name: stream.column for name, stream in wanted.columns.items()}
-    time = wanted.time
-    numbers = table.numbers(path, held, [*dict.fromkeys([*names.values(), *([time.column] if time else [])])])
-    model, found, words, lsb_v = schema.lsb_volts(config.device()), {}, [], {}
-    for name, stream in wanted.columns.items():
-        found[name] = one = codes.codes(path, name, stream, numbers[stream.column], model.get(name))
+    columns = table.read_table(path)
+    names = {name: stream.column for name, stream in mapping.columns.items()}
+    time = mapping.time
+    numbers = table.numbers(path, columns, [*dict.fromkeys([*names.values(), *([time.column] if time else [])])])
+    model, stream_codes, words, lsb_v = schema.lsb_volts(config.device()), {}, [], {}
+    for name, stream in mapping.columns.items():
+        stream_codes[name] = one = codes.codes(path, name, stream, numbers[stream.column], model.get(name))
         words.append(f"{name}: column {stream.column!r} in {stream.unit}, {one.text}")
         if one.lsb_v is not None:
             lsb_v[name] = (one.lsb_v, stream.lsb_V_unc)
             assumed = f"assumed: {name} has the model's {one.lsb_v:.7g} V per code"
             words += [assumed] if one.assumed else []
-    values = {name: one.values for name, one in found.items()}
+    values = {name: one.values for name, one in stream_codes.items()}
     line = time_line.line(path, numbers[time.column] if time else None, time, values)
     if len(line.rows) < 2:
         raise FileError(f"{path}: {len(line.rows)} rows behind the power-on, expected two or more")
-    profile, writes, held_out = wanted.of_file(k)
-    log, tracks = _registers(wanted, profile, writes, config)
-    tracks = dwells.Tracks(*(t.moved(line.begin) for t in tracks))
+    profile, writes, is_validation = mapping.file_settings(k)
+    log, tracks = _registers(mapping, profile, writes, config)
+    tracks = dwells.Tracks(*(t.shift_origin(line.begin) for t in tracks))
     log = [(max(0, edge - FRAME_CYCLES * line.begin), name, raw) for edge, name, raw in log]
-    raw = all(found[name].raw for name in schema.ADC)
+    raw = all(stream_codes[name].raw for name in schema.ADC)
     frames = int(line.frames[-1]) + line.decimated
     streams = _dense(line, frames, values)
-    out = Board(path, line, frames, streams, lsb_v, raw, log, tracks, profile, held_out, words=[*words, *line.words])
+    out = Board(
+        path, line, frames, streams, lsb_v, raw, log, tracks, profile, is_validation, words=[*words, *line.words]
+    )
     if line.lost and line.powered:
         _cut(out)
     return out
@@ -86,11 +88,11 @@ def _cut(b):
     b.line = b.line._replace(lost=())
 
 
-def _registers(wanted, profile, writes, config):
+def _registers(mapping, profile, writes, config):
     """([(edge, name, raw)], `dwells.Tracks`): the configuration's writes at power-on, then those of the map."""
     nominal = build.nominal(config)
     log = [(TICK_CYCLES * k, name, raw) for k, (name, raw) in enumerate(build.register_writes(config))]
-    own = config.firmware.phase_words()[0]
+    model_phase = config.firmware.phase_words()[0]
     a_um, detune = [(0.0, config.firmware.amplitude_um)], [(0.0, 0.0)]
     per_um = nominal["v_per_um"] / nominal["adc_drive_v"] * 2**23 * float(cordic.gain())
     for one in sorted(writes, key=lambda w: w.at_s):
@@ -99,17 +101,17 @@ def _registers(wanted, profile, writes, config):
         if one.a_um is not None:
             name, raw = "amplitude_setpoint", agc.setpoint(one.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
         elif one.detune_deg is not None:
-            name, raw = "phase_drive_sine", (phase_word(one.detune_deg) + own) % TURN
-        if not wanted.regmap_sha256 and (name not in registers.BY_NAME or registers.BY_NAME[name].access == "ro"):
+            name, raw = "phase_drive_sine", (phase_word(one.detune_deg) + model_phase) % TURN
+        if not mapping.regmap_sha256 and (name not in registers.BY_NAME or registers.BY_NAME[name].access == "ro"):
             raise ConfigError(f"write at {one.at_s:g} s: {name} is no register that can be written")
-        if not wanted.regmap_sha256 and not registers.BY_NAME[name].fmt.holds(raw):
+        if not mapping.regmap_sha256 and not registers.BY_NAME[name].fmt.holds(raw):
             fmt = registers.BY_NAME[name].fmt
             raise ConfigError(f"write at {one.at_s:g} s: {name} = {raw} is outside {fmt.lo} .. {fmt.hi}")
         if name == "amplitude_setpoint":
             a_um.append((one.at_s, one.a_um or raw / per_um))
         elif name == "phase_drive_sine":
             angle = one.detune_deg
-            detune.append((one.at_s, (((raw - own) / TURN + 0.5) % 1 - 0.5) * 360 if angle is None else angle))
+            detune.append((one.at_s, (((raw - model_phase) / TURN + 0.5) % 1 - 0.5) * 360 if angle is None else angle))
         log.append((edge, name, raw))
     tracks = dwells.Tracks(
         dwells.track(profile.rate_dps, profile.rate_shape == "linear"),

@@ -39,7 +39,7 @@ class Codes(NamedTuple):
         return f"not raw: rounded by up to {self.error_lsb:.2g} LSB, smallest step {self.step:.4g}"
 
 
-def _size(name, stream, lsb_v):
+def _code_size(name, stream, lsb_v):
     """Size of a code in the column's unit."""
     if stream.unit in INTEGERS:
         return 1.0
@@ -53,18 +53,18 @@ def codes(path, name, stream, values, model_lsb_v):
     """`Codes` of a column of float64; FileError where they exceed their bits."""
     lsb_v = stream.lsb_V or model_lsb_v
     with np.errstate(over="ignore"):
-        scaled = values / _size(name, stream, lsb_v)
-    found = np.rint(scaled)
+        scaled = values / _code_size(name, stream, lsb_v)
+    rounded = np.rint(scaled)
     fmt = schema.STREAMS[name]
     lo, hi = (-(2.0 ** (fmt.bits - 1)), 2.0 ** (fmt.bits - 1) - 1) if fmt.signed else (0.0, 2.0**fmt.bits - 1)
-    beyond = np.flatnonzero((found < lo) | (found > hi))
-    if len(beyond):
-        k = int(beyond[0])
+    outside = np.flatnonzero((rounded < lo) | (rounded > hi))
+    if len(outside):
+        k = int(outside[0])
         where = f"{path}: column {stream.column!r}: row {k + 1}"
         raise FileError(
-            f"{where}: {values[k]:.6g} {stream.unit} is code {found[k]:.0f} of {name}, outside {lo:.0f} .. {hi:.0f}"
+            f"{where}: {values[k]:.6g} {stream.unit} is code {rounded[k]:.0f} of {name}, outside {lo:.0f} .. {hi:.0f}"
         )
-    error = float(np.max(np.abs(scaled - found), initial=0.0))
+    error = float(np.max(np.abs(scaled - rounded), initial=0.0))
     steps = np.diff(np.unique(values)) if error >= RAW_LSB else np.zeros(1)
     step = float(np.min(steps, initial=np.inf))
-    return Codes(found.astype(np.int64), lsb_v, stream.lsb_V is None, error, error < RAW_LSB, step)
+    return Codes(rounded.astype(np.int64), lsb_v, stream.lsb_V is None, error, error < RAW_LSB, step)

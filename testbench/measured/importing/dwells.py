@@ -21,7 +21,7 @@ FRAME_HZ = MASTER_HZ // FRAME_CYCLES
 LEAST_FRAMES = 800  # of a dwell: 0.1 s
 MEAN_FRAMES = 100  # of codes, in which noise and ripple are small beside the drive
 SAME_AMPLITUDE, MOST_ANGLE = 0.02, 0.05  # of a locked drive's amplitude; rad from minus cosine
-ALONE_FRAMES = 3000  # of a dwell without another: 64 draws of the noise determine no more than its 40 features
+SINGLE_DWELL_FRAMES = 3000  # of a dwell without another: 64 draws of the noise determine no more than its 40 features
 
 
 class Track(NamedTuple):
@@ -30,14 +30,14 @@ class Track(NamedTuple):
     frames: tuple
     values: tuple
 
-    def at(self, frame):
+    def value_at(self, frame):
         """The value that holds in a frame."""
         return self.values[max(0, int(np.searchsorted(self.frames, frame, side="right")) - 1)]
 
-    def moved(self, begin):
+    def shift_origin(self, begin):
         """The same over frames that count from frame `begin`."""
-        kept = max(0, int(np.searchsorted(self.frames, begin, side="right")) - 1)
-        return Track(tuple(max(0, f - begin) for f in self.frames[kept:]), self.values[kept:])
+        start = max(0, int(np.searchsorted(self.frames, begin, side="right")) - 1)
+        return Track(tuple(max(0, f - begin) for f in self.frames[start:]), self.values[start:])
 
     def changes(self):
         """Frames at which another value begins."""
@@ -69,9 +69,9 @@ def track(points, linear=False):
     rows = [(0.0, points)] if isinstance(points, (int, float)) else points
     frames, values = [round(t * FRAME_HZ) for t, _ in rows], [float(v) for _, v in rows]
     if linear:
-        found = [_line(*pair) for pair in itertools.pairwise(zip(frames, values))]
+        ramps = [_line(*pair) for pair in itertools.pairwise(zip(frames, values))]
         frames, values = (
-            [n for part in found for n in part[k]] + [last] for k, last in ((0, frames[-1]), (1, values[-1]))
+            [n for part in ramps for n in part[k]] + [last] for k, last in ((0, frames[-1]), (1, values[-1]))
         )
     return Track(tuple(frames), tuple(values))
 
@@ -100,7 +100,7 @@ def drive_locked(codes):
     return np.arange(len(x)) >= (int(wrong[-1]) + half + 1 if len(wrong) else 0)
 
 
-def found(tracks, locked, options, role="fit"):
+def find_parts(tracks, locked, options, role="fit"):
     """[Part] of a power-on, whose dwells have a role.
 
     locked   (frames,) of bool: the board is locked
@@ -112,8 +112,11 @@ def found(tracks, locked, options, role="fit"):
     rows = [(0, lock, "startup", "startup", "none")]
     dwells = [(begin, begin + length) for _, begin, b in spans if b - begin >= length > 0]
     for number, (begin, end) in enumerate(dwells, 1):
-        own = "validate" if number in options.held_out else role
-        rows += [(rows[-1][1], begin, f"settle{number}", "settle", "none"), (begin, end, f"d{number}", "dwell", own)]
+        dwell_role = "validate" if number in options.held_out else role
+        rows += [
+            (rows[-1][1], begin, f"settle{number}", "settle", "none"),
+            (begin, end, f"d{number}", "dwell", dwell_role),
+        ]
     # between dwells the rate may step: no condition holds there
     rows.append((rows[-1][1], frames, "rest", "warmup", "none"))
     breaks = [f for t in tracks for f in t.changes()]
@@ -128,10 +131,12 @@ def _spans(tracks, locked, lock, settle):
     """(first frame of a condition, first of a dwell in it, its end), where the board is locked."""
     steps = set(tracks.rate_dps.changes())
     edges = (np.flatnonzero(np.diff(locked.astype(np.int8))) + 1).tolist()
-    others = {f for t in tracks[1:] for f in t.changes()} | set(edges)
+    other_changes = {f for t in tracks[1:] for f in t.changes()} | set(edges)
     calm = lock
-    for a, b in itertools.pairwise([lock, *sorted(f for f in steps | others if lock < f < len(locked)), len(locked)]):
-        begin = a if a in steps and a not in others and a - calm >= settle else a + settle
+    for a, b in itertools.pairwise(
+        [lock, *sorted(f for f in steps | other_changes if lock < f < len(locked)), len(locked)]
+    ):
+        begin = a if a in steps and a not in other_changes and a - calm >= settle else a + settle
         calm = a
         if a < len(locked) and locked[a] and b - begin >= LEAST_FRAMES:
             yield a, begin, b
@@ -140,12 +145,12 @@ def _spans(tracks, locked, lock, settle):
 def _common(lengths, longest):
     """One length for all dwells, by which most frames are used: noise is shared among dwells of one length."""
     if len(lengths) < 2:
-        longest = min(longest, ALONE_FRAMES)
+        longest = min(longest, SINGLE_DWELL_FRAMES)
     tried = [min(n, longest) for n in lengths]
     return max(tried, key=lambda n: n * sum(m >= n for m in tried), default=0)
 
 
-def stated(rows, begin, frames, where):
+def stated_parts(rows, begin, frames, where):
     """[Part] of the stretches that a map states, of a file that begins `begin` frames behind power-on.
 
     ConfigError for one that the file does not hold.
@@ -154,7 +159,9 @@ def stated(rows, begin, frames, where):
     for one in sorted(rows, key=lambda s: s.from_s):
         first, end = (round(t * FRAME_HZ) - begin for t in (one.from_s, one.to_s))
         if first < 0 or end > frames:
-            held = f"{begin / FRAME_HZ:g} .. {(begin + frames) / FRAME_HZ:g} s"
-            raise ConfigError(f"{where}: segment {one.id}: {one.from_s:g} .. {one.to_s:g} s, the file holds {held}")
+            file_span = f"{begin / FRAME_HZ:g} .. {(begin + frames) / FRAME_HZ:g} s"
+            raise ConfigError(
+                f"{where}: segment {one.id}: {one.from_s:g} .. {one.to_s:g} s, the file holds {file_span}"
+            )
         out.append(Part(one.id, first, end, one.kind, one.role, one.group or one.id))
     return out

@@ -134,10 +134,10 @@ class Map(Part):
     dwells: Dwells = Dwells()
     prior: list[Prior] = []
 
-    def of_file(self, k):
+    def file_settings(self, k):
         """(Profiles, [Write], held out) of file k."""
-        own = self.power_on[k] if k < len(self.power_on) else PowerOn()
-        return own.profile or self.profile, self.write if own.write is None else own.write, own.held_out
+        entry = self.power_on[k] if k < len(self.power_on) else PowerOn()
+        return entry.profile or self.profile, self.write if entry.write is None else entry.write, entry.held_out
 
     def settings(self):
         """{section.key: value} of [set]."""
@@ -149,8 +149,8 @@ class Map(Part):
 
 def read(path):
     """`Map` of a TOML file."""
-    found = inputs.checked(inputs.read_toml(path), Map, path, ConfigError)
-    for name, stream in found.columns.items():
+    mapping = inputs.validate_data(inputs.read_toml(path), Map, path, ConfigError)
+    for name, stream in mapping.columns.items():
         if name not in schema.STREAMS:
             raise ConfigError(f"{path}: columns.{name}: is no stream; those are {', '.join(schema.STREAMS)}")
         volts = stream.unit in PREFIX_V
@@ -158,16 +158,16 @@ def read(path):
             raise ConfigError(f"{path}: columns.{name}: unit {stream.unit!r} is that of nco_fword alone")
         if volts and schema.STREAMS[name].unit not in ("code", "word"):
             raise ConfigError(f"{path}: columns.{name}: {schema.STREAMS[name].unit} has no volts")
-    missing = [name for name in schema.ADC if name not in found.columns]
+    missing = [name for name in schema.ADC if name not in mapping.columns]
     if missing:
         raise ConfigError(f"{path}: columns.{missing[0]} is missing; the four channels of the converter are required")
-    for k, one in enumerate([*found.write, *(w for p in found.power_on for w in p.write or ())]):
-        given = [key for key in ("name", "a_um", "detune_deg") if getattr(one, key) not in ("", None)]
-        if len(given) != 1 or (one.name != "") != (one.raw is not None):
-            raise ConfigError(f"{path}: write[{k}]: expected name with raw, or a_um, or detune_deg, found {given}")
-    for one in found.segment:
+    for k, one in enumerate([*mapping.write, *(w for p in mapping.power_on for w in p.write or ())]):
+        targets = [key for key in ("name", "a_um", "detune_deg") if getattr(one, key) not in ("", None)]
+        if len(targets) != 1 or (one.name != "") != (one.raw is not None):
+            raise ConfigError(f"{path}: write[{k}]: expected name with raw, or a_um, or detune_deg, found {targets}")
+    for one in mapping.segment:
         if not one.from_s < one.to_s:
             raise ConfigError(
                 f"{path}: segment {one.id}: from_s = {one.from_s:g} s is not before to_s = {one.to_s:g} s"
             )
-    return found
+    return mapping

@@ -18,7 +18,7 @@ from testbench.measured.importing.record_map import TIME_S
 from testbench.measured.record import schema
 
 FRAME_S = FRAME_CYCLES / MASTER_HZ
-WHOLE = 0.4  # of a step: how far a stamp may be from the grid of frames
+GRID_TOLERANCE = 0.4  # of a step: how far a stamp may be from the grid of frames
 MOST_S = 1e10  # of a stamp, three hundred years
 MOST_LOST = 10  # times the rows of a file: what its stamps may span
 RATE = 0.01  # of the frame rate, by which a stamp's clock may differ
@@ -36,12 +36,12 @@ class Line(NamedTuple):
     words: tuple  # what was found, one line each
 
 
-def _steps(path, stamps_s):
+def _frame_steps(path, stamps_s):
     """(frames of each step, frames to a row, lines) of time stamps; FileError where they are no grid."""
     if np.abs(stamps_s).max() > MOST_S:
         raise FileError(f"{path}: a stamp of {np.abs(stamps_s).max():.4g} s, at most {MOST_S:g} s are expected")
     steps = np.diff(stamps_s) / FRAME_S
-    if len(steps) and steps.min() < -WHOLE:
+    if len(steps) and steps.min() < -GRID_TOLERANCE:
         row = int(np.argmin(steps)) + 2
         raise FileError(
             f"{path}: row {row}: time goes back by {-steps.min() * FRAME_S:.6g} s; one file is one power-on"
@@ -53,14 +53,18 @@ def _steps(path, stamps_s):
             f"{path}: rows are {usual * FRAME_S * 1e6:.6g} us apart, expected a multiple of 125 us within 1 %"
         )
     steps /= decimated
-    whole = np.rint(steps)
-    off = np.abs(steps - whole) - RATE * np.abs(whole)
-    if len(off) and off.max() > WHOLE:
+    row_steps = np.rint(steps)
+    off = np.abs(steps - row_steps) - RATE * np.abs(row_steps)
+    if len(off) and off.max() > GRID_TOLERANCE:
         row = int(np.argmax(off))
         raise FileError(f"{path}: row {row + 2}: a step of {steps[row]:.3f} rows, expected a whole number")
-    if whole.sum() > MOST_LOST * len(stamps_s):
-        raise FileError(f"{path}: stamps span {whole.sum():.0f} rows, the file has {len(stamps_s)}")
-    return whole.astype(np.int64), decimated, _rate(stamps_s, np.concatenate([[0], np.cumsum(whole)]) * decimated)
+    if row_steps.sum() > MOST_LOST * len(stamps_s):
+        raise FileError(f"{path}: stamps span {row_steps.sum():.0f} rows, the file has {len(stamps_s)}")
+    return (
+        row_steps.astype(np.int64),
+        decimated,
+        _rate(stamps_s, np.concatenate([[0], np.cumsum(row_steps)]) * decimated),
+    )
 
 
 def _rate(stamps_s, frames):
@@ -85,14 +89,14 @@ def line(path, stamps, time, codes):
     if stamps is None:
         words = ("assumed: rows are frames of 125 us, none is missing",)
     else:
-        whole, decimated, words = _steps(path, stamps * TIME_S[time.unit])
-        again = np.flatnonzero(whole == 0) + 1
+        row_steps, decimated, words = _frame_steps(path, stamps * TIME_S[time.unit])
+        again = np.flatnonzero(row_steps == 0) + 1
         differing = [k for k in again if any(codes[name][k] != codes[name][k - 1] for name in schema.ADC)]
         if differing:
             raise FileError(f"{path}: row {differing[0] + 1}: two rows of one time with different codes")
         if len(again):
             words += (f"left out: {len(again)} repeated rows, the first is row {again[0] + 1}",)
-        frames = np.concatenate([[0], np.cumsum(whole)]) * decimated
+        frames = np.concatenate([[0], np.cumsum(row_steps)]) * decimated
         rows = np.delete(rows, again)
         frames = frames[rows]
     jumps = np.flatnonzero(np.diff(frames) > decimated)
@@ -103,12 +107,22 @@ def line(path, stamps, time, codes):
             f"lost: {sum(n for _, n in lost)} frames in {len(lost)} gaps, the first behind frame {lost[0][0] - 1}",
         )
     if not powered:
-        return Line(rows, frames - frames[0], decimated, False, max(first, 0), _moved(lost, frames[0]), (*words, how))
-    kept = frames >= first
-    return Line(rows[kept], frames[kept] - first, decimated, True, 0, _moved(lost, first), (*words, how))
+        return Line(
+            rows, frames - frames[0], decimated, False, max(first, 0), _shift_gaps(lost, frames[0]), (*words, how)
+        )
+    since_power_on = frames >= first
+    return Line(
+        rows[since_power_on],
+        frames[since_power_on] - first,
+        decimated,
+        True,
+        0,
+        _shift_gaps(lost, first),
+        (*words, how),
+    )
 
 
-def _moved(lost, first):
+def _shift_gaps(lost, first):
     return tuple((a - first, n) for a, n in lost if a + n > first)
 
 

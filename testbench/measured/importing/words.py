@@ -22,7 +22,7 @@ def replayed(record, session, names):
     """{stream: (frames,)} of a session, int64."""
     firmware = build.firmware(check_tables.stated_config(record))
     found = {name: [] for name in names}
-    for _, n, o in firmware_residual.blocks(record, session, firmware):
+    for _, n, o in firmware_residual.replay_blocks(record, session, firmware):
         for name, parts in found.items():
             parts.append(o.words[:n, replay.WORDS.index(schema.REPLAYED[name])])
     return {name: np.concatenate(parts) for name, parts in found.items()}
@@ -49,7 +49,7 @@ def completed(record):
     each = [replayed(record, session, names) for session in sessions(record)]
     lsb, added = schema.lsb_volts(check_tables.stated_config(record).device()), {}
     for name in names:
-        data = np.concatenate([part[name] for part in each]).astype(schema.dtype_of(name))
+        data = np.concatenate([part[name] for part in each]).astype(schema.stream_dtype(name))
         attrs = schema.attributes(name, REPLAYED, lsb.get(name))
         added[name] = Column(data, schema.STREAMS[name].unit, *schema.PER_FRAME, 0, attrs)
     return dataclasses.replace(record, streams=record.streams | added), ""

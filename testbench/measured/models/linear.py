@@ -51,8 +51,8 @@ class Common:
     own     (channels, points);  common  (points,)
     """
 
-    def __init__(self, own, common):
-        self.own, self.common = np.asarray(own, float), np.asarray(common, float)
+    def __init__(self, channel_sd, common):
+        self.own, self.common = np.asarray(channel_sd, float), np.asarray(common, float)
         self.shape = self.own.shape
         channels = self.shape[0]
         covariance = np.einsum("cp,cd->pcd", self.own**2, np.eye(channels)) + (self.common**2)[:, None, None]
@@ -70,7 +70,7 @@ class Common:
         return (self.own * unit[:, :-1] + self.common * unit[:, -1:]).reshape(count, -1).T
 
 
-def floor_of(noise, segment):
+def observable_rms(noise, segment):
     """{observable: rms} of a segment with a noise object."""
     return {o.name: float(np.sqrt(np.mean(noise.sd[o.rows] ** 2))) for o in segment.observables}
 
@@ -99,11 +99,11 @@ class LinearProblem(PartProblem, adds="noise columns"):
     def axis(self, segment, observable):
         return self._axis(segment) if self._axis else None
 
-    def measured(self, k):
+    def segment_features(self, k):
         return self._data[k]
 
     def predict(self, points, which):
-        found = []
+        predictions = []
         for theta, effects in points:
             parts = []
             for k in which:
@@ -113,8 +113,8 @@ class LinearProblem(PartProblem, adds="noise columns"):
                 if not np.all(np.isfinite(y)):
                     raise PredictionFailed("coefficients without bound")
                 parts.append(y)
-            found.append(parts)
-        return found
+            predictions.append(parts)
+        return predictions
 
     def whiten(self, k, v):
         return self.noise[k].whiten(v)
@@ -125,10 +125,10 @@ class LinearProblem(PartProblem, adds="noise columns"):
     def noise_draws(self, k, count, rng):
         return self.noise[k].draws(count, rng)
 
-    def floor(self, k):
-        return floor_of(self.noise[k], self.segments[k])
+    def repeatability_rms(self, k):
+        return observable_rms(self.noise[k], self.segments[k])
 
-    def with_data(self, data):
-        made = copy.copy(self)
-        made._data = tuple(data)
-        return made
+    def replace_data(self, data):
+        replaced = copy.copy(self)
+        replaced._data = tuple(data)
+        return replaced

@@ -35,7 +35,7 @@ class Device(NamedTuple):
 @lru_cache(maxsize=512)
 def generator(f_hz, q):
     """2 x 2 of the drive mode from the plant's block, and its force column (m/(N s))."""
-    block = resonator.block(Device(MASS_KG, f_hz, q))
+    block = resonator.resonator_block(Device(MASS_KG, f_hz, q))
     rows = (resonator.X, resonator.VX)
     a = np.array([[float(block.base.get((i, j), 0)) for j in rows] for i in rows])
     return a, np.array([float(block.force.get((i, resonator.FX), 0)) for i in rows])
@@ -51,7 +51,7 @@ def propagator(f_hz, q, h_s):
 
 
 @kernel
-def _run(a, b0, b1, force, table, gain, places, w, u, ticks, x):
+def _run(a, b0, b1, force, table, gain, state_indices, w, u, ticks, x):
     """x at every `ticks`-th tick; w holds the states. Mutates w and x. True if it stays finite."""
     k = 0
     for n in range(len(x)):
@@ -60,7 +60,7 @@ def _run(a, b0, b1, force, table, gain, places, w, u, ticks, x):
             return False
         for _ in range(ticks):
             w[U] = u[k]
-            kick, _ = law.impulses(force, table, gain, w, places, 0, 0, law.NO_LEADS)
+            kick, _ = law.impulses(force, table, gain, w, state_indices, 0, 0, law.NO_LEADS)
             v = w[VX] + kick
             after = u[k + 1] if k + 1 < len(u) else u[k]
             at = a[0, 0] * w[X] + a[0, 1] * v + b0[0] * u[k] + b1[0] * after
@@ -93,8 +93,10 @@ def run(f_hz, q, force_n, drive_v, plant_laws, h_s, ticks, state):
     w = np.zeros(WIDTH)
     w[X], w[VX] = state[0], state[1] * 2 * np.pi * f_hz / resonator.W_RAD_PER_S
     x = np.empty(len(drive_v) // ticks)
-    places = np.arange(WIDTH)
-    fine = _run(a, b0 * force_n, b1 * force_n, p.force, p.table, p.numbers[:, 0].copy(), places, w, drive_v, ticks, x)
+    state_indices = np.arange(WIDTH)
+    fine = _run(
+        a, b0 * force_n, b1 * force_n, p.force, p.table, p.numbers[:, 0].copy(), state_indices, w, drive_v, ticks, x
+    )
     return x if fine else None
 
 

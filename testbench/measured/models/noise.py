@@ -28,10 +28,10 @@ def _innovations(a, start, sd, white, v, out):
     start: covariance of r_n .. r_(n-p+1) in the first row.
     """
     p, rows, columns = len(a), v.shape[0], v.shape[1]
-    cov, now, moved = start.copy(), np.zeros((p, columns)), start.copy()
-    own = 1.0
+    cov, now, updated = start.copy(), np.zeros((p, columns)), start.copy()
+    driving_variance = 1.0
     for j in range(p):
-        own -= a[j] * _lag(start, a, j + 1)
+        driving_variance -= a[j] * _lag(start, a, j + 1)
     total = 0.0
     for n in range(rows):
         variance = sd[n] * sd[n] * cov[0, 0] + white * white
@@ -50,18 +50,18 @@ def _innovations(a, start, sd, white, v, out):
             now[0, c] = first
         for i in range(p):
             for j in range(p):
-                moved[i, j] = cov[i, j] - cov[i, 0] * cov[0, j] * sd[n] * sd[n] / variance
+                updated[i, j] = cov[i, j] - cov[i, 0] * cov[0, j] * sd[n] * sd[n] / variance
         for i in range(p):
             for j in range(p):
-                cov[i, j] = moved[i - 1, j - 1] if i > 0 and j > 0 else 0.0
+                cov[i, j] = updated[i - 1, j - 1] if i > 0 and j > 0 else 0.0
         for j in range(p):
             cross = 0.0
             for i in range(p):
-                cross += a[i] * moved[i, j]
+                cross += a[i] * updated[i, j]
             if j + 1 < p:
                 cov[0, j + 1] = cov[j + 1, 0] = cross
             cov[0, 0] += a[j] * cross
-        cov[0, 0] += own
+        cov[0, 0] += driving_variance
     return total
 
 
@@ -97,7 +97,7 @@ class Noise(NamedTuple):
     white_sd: float = 0.0
 
     @classmethod
-    def white(cls, sd, starts=(0,)):
+    def white_noise(cls, sd, starts=(0,)):
         return cls(np.zeros(0), 1.0, np.asarray(sd, float), starts)
 
     @classmethod
@@ -107,10 +107,10 @@ class Noise(NamedTuple):
         a = solve_toeplitz(rho[:-1], rho[1:]) if len(rho) > 1 else np.zeros(0)
         return cls(a, float(np.sqrt(max(1.0 - a @ rho[1:], 1e-9))), np.asarray(sd, float), starts)
 
-    def of_rows(self, rows):
+    def select_rows(self, rows):
         """The noise of some rows of a segment (indices that rise): it begins anew behind each gap."""
         sd = self.sd if np.ndim(self.sd) == 0 else self.sd[rows]
-        return self._replace(sd=sd, starts=starts_of(rows))
+        return self._replace(sd=sd, starts=gap_starts(rows))
 
     @property
     def rms(self):
@@ -141,17 +141,17 @@ class Noise(NamedTuple):
 
     def draw(self, n, rng):
         """One draw of n rows."""
-        return self.draws(n, 1, rng)[:, 0]
+        return self.draw_many(n, 1, rng)[:, 0]
 
-    def draws(self, n, count, rng):
+    def draw_many(self, n, count, rng):
         """(n, count) draws."""
         if not len(self.a):
             return (np.sqrt(self.sd**2 + self.white_sd**2) * rng.normal(size=(count, n))).T
         taps, warm = np.concatenate([[1.0], -self.a]), 40 * len(self.a) + 400
         ends = np.cumsum([piece.stop - piece.start + warm for piece in self._pieces(n)])
         kicks = np.split(rng.normal(size=(count, ends[-1])), ends[:-1], axis=1)
-        made = self.sd * np.concatenate([lfilter([self.b], taps, u)[:, warm:] for u in kicks], axis=1)
-        return (made + self.white_sd * rng.normal(size=(count, n))).T
+        coloured = self.sd * np.concatenate([lfilter([self.b], taps, u)[:, warm:] for u in kicks], axis=1)
+        return (coloured + self.white_sd * rng.normal(size=(count, n))).T
 
 
 def likeliest(v, smooth, inverse):
@@ -161,12 +161,12 @@ def likeliest(v, smooth, inverse):
     columns take low frequencies away, which the noise has.
     """
 
-    def cost(q, left):
-        rows, logs = _made(q, inverse).innovations(left)
+    def minus_log_likelihood(q, residual):
+        rows, logs = _parametric_noise(q, inverse).innovations(residual)
         return logs + float(rows @ rows)
 
     def restricted(q):
-        rows, logs = _made(q, inverse).innovations(np.column_stack([v, smooth]))
+        rows, logs = _parametric_noise(q, inverse).innovations(np.column_stack([v, smooth]))
         r = np.linalg.qr(rows[:, [*range(1, rows.shape[1]), 0]], mode="r")
         return logs + 2 * float(np.sum(np.log(np.abs(np.diag(r)[:-1])))) + float(r[-1, -1] ** 2)
 
@@ -176,22 +176,22 @@ def likeliest(v, smooth, inverse):
         starts = [np.append(best[1], 0.0)] if best else []
         if order < 2:  # white and coloured parts are told apart once there is colour: each share is tried again
             starts += [np.append(q, np.full(order, 0.7)) for q in begun]
-        tried = [minimize(cost, q, (e,), method="Nelder-Mead", options=SIMPLEX) for q in starts]
-        found = min(tried, key=lambda one: one.fun)
-        value = found.fun + order * np.log(len(e))
+        tried = [minimize(minus_log_likelihood, q, (e,), method="Nelder-Mead", options=SIMPLEX) for q in starts]
+        best_fit = min(tried, key=lambda one: one.fun)
+        value = best_fit.fun + order * np.log(len(e))
         if best is not None and value >= best[0]:
             break
-        best = value, found.x
-    return _made(minimize(restricted, best[1], method="Nelder-Mead", options=SIMPLEX).x, inverse)
+        best = value, best_fit.x
+    return _parametric_noise(minimize(restricted, best[1], method="Nelder-Mead", options=SIMPLEX).x, inverse)
 
 
-def _made(q, inverse):
+def _parametric_noise(q, inverse):
     """`Noise` of ln variances (white, coloured, growing with `inverse`) and inverse tanh of the reflections."""
-    a, own = np.zeros(0), 1.0
+    a, innovation_variance = np.zeros(0), 1.0
     for k in MOST * np.tanh(q[3:]):  # Levinson: any reflections below 1 give a stationary autoregression
-        a, own = np.concatenate([a - k * a[::-1], [k]]), own * (1 - k * k)
+        a, innovation_variance = np.concatenate([a - k * a[::-1], [k]]), innovation_variance * (1 - k * k)
     white, still, grown = np.exp(np.clip(q[:3], -60.0, 60.0))
-    return Noise(a, float(np.sqrt(own)), np.sqrt(still + grown * inverse), (0,), float(np.sqrt(white)))
+    return Noise(a, float(np.sqrt(innovation_variance)), np.sqrt(still + grown * inverse), (0,), float(np.sqrt(white)))
 
 
 def neighbours(ratio):
@@ -208,6 +208,6 @@ def turns(count, blocks):
     return np.flatnonzero(block % 2 == 0), np.flatnonzero(block % 2 == 1)
 
 
-def starts_of(rows):
+def gap_starts(rows):
     """Places at which rows begin anew: the first, and those behind a gap."""
     return (0, *(np.flatnonzero(np.diff(rows) > 1) + 1).tolist())

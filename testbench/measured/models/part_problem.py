@@ -13,7 +13,10 @@ class Family(NamedTuple):
     replaces: tuple = ()  # nuisances that the structure says better: they are 0 beside it
 
 
-class PartProblem(Problem, adds="most_laws same_rows quality families axis absorbed more_of details with_data known"):
+class PartProblem(
+    Problem,
+    adds="most_laws same_rows quality families axis absorb_laws dependent_nuisances details replace_data laws_by_name",
+):
     """A recording of one part. Each member has a default.
 
     most_laws   laws that are added one after the other, at most
@@ -24,7 +27,7 @@ class PartProblem(Problem, adds="most_laws same_rows quality families axis absor
 
     most_laws, same_rows, quality, families = 3, False, (), {}
 
-    def known(self):
+    def laws_by_name(self):
         """{name: Law} of catalogue, library and families."""
         return all_laws(self) | {name: family.law for name, family in self.families.items()}
 
@@ -32,11 +35,11 @@ class PartProblem(Problem, adds="most_laws same_rows quality families axis absor
         """(abscissa of the rows, its label) of an observable of a segment; None: the number of the row."""
         return None
 
-    def absorbed(self, names):
+    def absorb_laws(self, names):
         """The problem in which these laws are part of the model; None: their coefficients become nuisances."""
         return None
 
-    def more_of(self, law):
+    def dependent_nuisances(self, law):
         """Names of the nuisances that say more of a law that is part of the model, and go where it goes."""
         return ()
 
@@ -44,6 +47,6 @@ class PartProblem(Problem, adds="most_laws same_rows quality families axis absor
         """Further keys of a law in a report, from the nuisances {name: fitted value}."""
         return {}
 
-    def with_data(self, data):
+    def replace_data(self, data):
         """The same problem about other features of the same shape: for simulated recordings."""
         raise NotImplementedError

@@ -95,7 +95,7 @@ def cubic(u):
     return u**3 - u
 
 
-def saturated(data):
+def smooth_residuals(data):
     """Residuals (uV) of a regression on everything smooth: source, environment, time; what is left is noise."""
     u = data.source_v / full_v(data)
     knots = np.linspace(-1, 1, 24)
@@ -109,36 +109,36 @@ def saturated(data):
     q = q[:, s > 1e-9 * s[0]]
     if len(u) <= q.shape[1]:
         raise FileError(f"{data.path}: {len(u)} points, more than {q.shape[1]} wanted")
-    left = (error - q @ (q.T @ error)) * np.sqrt(len(u) / (len(u) - q.shape[1]))
-    if not np.all(robust(left) > LEAST_UV):
+    residual = (error - q @ (q.T @ error)) * np.sqrt(len(u) / (len(u) - q.shape[1]))
+    if not np.all(robust(residual) > LEAST_UV):
         raise FileError(f"{data.path}: readings without noise above {LEAST_UV:g} uV; measured ones wanted")
-    return left
+    return residual
 
 
 def noise_sd(data):
     """(own (meters, points), source): uV rms of a point. The source's from what the quietest meters share."""
-    left, u = saturated(data), data.source_v / full_v(data)
-    points, meters = left.shape
+    residual, u = smooth_residuals(data), data.source_v / full_v(data)
+    points, meters = residual.shape
     source = 0.0
     if meters > 1:
-        quiet = np.argsort(robust(left))[: max(2, min(3, meters))]
-        covariance = left.T @ left / points
+        quiet = np.argsort(robust(residual))[: max(2, min(3, meters))]
+        covariance = residual.T @ residual / points
         shared = [covariance[a, b] for a in quiet for b in quiet if a < b]
         source = float(np.sqrt(max(np.median(shared), 0.0)))
     # a reference's noise grows with the voltage: variance a + b u^2, both >= 0
     profile = np.column_stack([np.ones(points), u * u])
-    whole = np.stack([profile @ nnls(profile, left[:, m] ** 2)[0] for m in range(meters)])
-    print_uv = 1e6 * np.array([series.floor(v) for v in data.readings_v.T])
-    least = (np.maximum(0.3 * robust(left), print_uv)[:, None]) ** 2
+    variance = np.stack([profile @ nnls(profile, residual[:, m] ** 2)[0] for m in range(meters)])
+    print_uv = 1e6 * np.array([series.rounding_noise(v) for v in data.readings_v.T])
+    least = (np.maximum(0.3 * robust(residual), print_uv)[:, None]) ** 2
     if data.spread_v is not None:
         # the sd of the mean of the readings behind a point
         least = np.maximum(least, (np.mean(data.spread_v**2, axis=0) / (READINGS - 1) * 1e12)[:, None])
-    return np.sqrt(np.maximum(whole - source**2, least)), source
+    return np.sqrt(np.maximum(variance - source**2, least)), source
 
 
-def robust(left):
+def robust(residual):
     """Standard deviation of most, by the median of the magnitudes."""
-    return np.median(np.abs(left), axis=0) / 0.6745
+    return np.median(np.abs(residual), axis=0) / 0.6745
 
 
 class Meters(LinearProblem, adds="full_v"):
@@ -153,8 +153,8 @@ def problem(data, name="voltmeters on one source", roles=None):
     points, meters = data.readings_v.shape
     u = data.source_v / full_v(data)
     choose = (np.arange(points) // STRETCH) % 2 == 0 if roles is None else np.asarray(roles, bool)
-    own_sd, source_sd = noise_sd(data)
-    floor = np.sqrt(np.mean(own_sd**2 + source_sd**2, axis=1))
+    meter_sd, source_sd = noise_sd(data)
+    floor = np.sqrt(np.mean(meter_sd**2 + source_sd**2, axis=1))
     nuisances, laws, columns = [], [], {}
 
     def column(law, meter, shape):
@@ -183,24 +183,28 @@ def problem(data, name="voltmeters on one source", roles=None):
     stretches = []
     for role, mask in (("fit", choose), ("validate", ~choose)):
         n = int(mask.sum())
-        seen = tuple(Observable(meter, "uV", slice(m * n, (m + 1) * n)) for m, meter in enumerate(data.names))
-        segment = Segment("chooses" if role == "fit" else "judges", {}, role, 0, role, seen)
-        noise = Common(own_sd[:, mask], np.full(n, source_sd))
+        observables = tuple(Observable(meter, "uV", slice(m * n, (m + 1) * n)) for m, meter in enumerate(data.names))
+        segment = Segment("chooses" if role == "fit" else "judges", {}, role, 0, role, observables)
+        noise = Common(meter_sd[:, mask], np.full(n, source_sd))
         stretches.append(Stretch(segment, error[:, mask].ravel(), noise))
 
     def axis(segment):
         return data.source_v[choose if segment == "chooses" else ~choose], "source (V)"
 
-    made = Meters(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
-    made.most_laws, made.full_v, made.heldout_independent = LAWS_PER_METER * meters, full_v(data), False
-    return made
+    meters_problem = Meters(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
+    meters_problem.most_laws, meters_problem.full_v, meters_problem.heldout_independent = (
+        LAWS_PER_METER * meters,
+        full_v(data),
+        False,
+    )
+    return meters_problem
 
 
 def jobs(paths):
     """[(label, paths, options)]: each file by itself; where time does not go with the source, halves in time, too."""
     out = []
     for path in paths:
-        if meters_csv.looks_like(path):
+        if meters_csv.is_meters_file(path):
             data = meters_csv.read(path)
             shuffled = abs(np.corrcoef(data.seconds, data.source_v)[0, 1]) < SHUFFLED
             label = f"{len(data.names)} meter(s), {'random order' if shuffled else 'sweep'}"
@@ -214,7 +218,7 @@ def jobs(paths):
 
 def opener(paths, options):
     """`Problem` of a file of readings; --option roles=halves: the first half in time chooses. None if no such file."""
-    if len(paths) != 1 or not meters_csv.looks_like(paths[0]):
+    if len(paths) != 1 or not meters_csv.is_meters_file(paths[0]):
         return None
     data = meters_csv.read(paths[0])
     roles = None

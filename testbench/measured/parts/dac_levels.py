@@ -89,12 +89,12 @@ def levels_texts(coefficients, bits, other_bits):
     texts = members(segments, bits)
     for name, lsb in coefficients.items():
         for text in texts[name]:
-            kind, place, _, share = text.split()
-            place = place if kind != "bit" else str(int(place) + finer)
-            if place.startswith("-"):  # below the LSB of the other
+            kind, position, _, share = text.split()
+            position = position if kind != "bit" else str(int(position) + finer)
+            if position.startswith("-"):  # below the LSB of the other
                 continue
-            total[kind, place] = total.get((kind, place), 0.0) + float(share) * lsb * 2.0**finer
-    return [f"{kind} {place} = {value:.5g}" for (kind, place), value in total.items()]
+            total[kind, position] = total.get((kind, position), 0.0) + float(share) * lsb * 2.0**finer
+    return [f"{kind} {position} = {value:.5g}" for (kind, position), value in total.items()]
 
 
 def catalogue(bits):
@@ -154,11 +154,11 @@ def slow_covariance(differences):
     n = d.shape[1]
     power = np.mean([gaussian_filter1d(x * x, LOCAL * n / BLOCKS, mode="reflect") for x in d], axis=0)
     sd = np.sqrt((power + np.mean(power)) / 2)
-    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    code_distance = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     best = None
     for length in n * np.array([0.003, 0.01, 0.03, 0.1]):
         for white in (0.001, 0.01, 0.1, 0.5):
-            c = (1 - white) * np.exp(-apart / length) + white * np.eye(n)
+            c = (1 - white) * np.exp(-code_distance / length) + white * np.eye(n)
             root = np.linalg.cholesky(c)
             z = solve_triangular(root, (d / sd).T, lower=True)
             cost = float(np.sum(z * z)) + 2 * len(d) * float(np.sum(np.log(np.diag(root))))
@@ -203,27 +203,33 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
         turn = (np.arange(blocks) // ALTERNATE) % 2
         noise, stretches = Diagonal(np.full(blocks // 2, feature_sd(sessions[0], size))), []
         for role, k in (("fit", 0), ("validate", 1)):
-            seen = (Observable("level", "LSB", slice(0, blocks // 2)),)
-            segment = Segment(f"{sessions[0].name} {role}", {}, role, 0, role, seen)
+            observables = (Observable("level", "LSB", slice(0, blocks // 2)),)
+            segment = Segment(f"{sessions[0].name} {role}", {}, role, 0, role, observables)
             stretches.append(Stretch(segment, data[0][turn == k], noise))
         columns = {n: [v[turn == 0], v[turn == 1]] for n, v in table.items()}
-        made = Levels(name, nuisances, laws, stretches, columns, hashes or {})
+        levels_problem = Levels(name, nuisances, laws, stretches, columns, hashes or {})
     else:
         chosen = set(range((len(sessions) + 1) // 2)) if fit is None else set(fit)
-        seen, stretches = (Observable("level", "LSB", slice(0, blocks)),), []
+        observables, stretches = (Observable("level", "LSB", slice(0, blocks)),), []
         for k, (s, y, noise) in enumerate(zip(sessions, data, noises(sessions, bits))):
             group, role = ("fit", "fit") if k in chosen else ("held out", "validate")
-            stretches.append(Stretch(Segment(s.name, {}, group, k, role, seen), y, noise))
+            stretches.append(Stretch(Segment(s.name, {}, group, k, role, observables), y, noise))
         columns = {n: [v] * len(sessions) for n, v in table.items()}
         codes = np.arange(0, 1 << bits, size) + (size - 1) / 2
-        made = Levels(name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code"))
-        made.same_rows = True
-    made.bits = bits
-    made.most_laws, made.families, made.heldout_independent = MOST_LAWS, families, len(sessions) > 1
-    return made
+        levels_problem = Levels(
+            name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code")
+        )
+        levels_problem.same_rows = True
+    levels_problem.bits = bits
+    levels_problem.most_laws, levels_problem.families, levels_problem.heldout_independent = (
+        MOST_LAWS,
+        families,
+        len(sessions) > 1,
+    )
+    return levels_problem
 
 
-def sessions_of(files):
+def channel_sessions(files):
     """{channel: [Session]} of `Levels` of equal width; channels that all files have."""
     if len({f.bits for f in files}) != 1:
         raise ConfigError(f"levels: sessions of {sorted(f.bits for f in files)} bits, expected one width")
@@ -232,20 +238,22 @@ def sessions_of(files):
         raise ConfigError(f"levels: no variable that all of {', '.join(str(f.path) for f in files)} have")
     out = {}
     for c in common:
-        found = []
+        sessions = []
         for number, f in enumerate(files, 1):
-            rest, _, slope = straight(f.channels[c])
-            found.append(Session(f"session {number}", rest / slope, slope, series.floor(f.channels[c]) / abs(slope)))
-        out[c] = found
+            residual, _, slope = straight(f.channels[c])
+            sessions.append(
+                Session(f"session {number}", residual / slope, slope, series.rounding_noise(f.channels[c]) / abs(slope))
+            )
+        out[c] = sessions
     # the channel of the largest swing first: a small one shows the voltmeter, not the DAC
     return dict(sorted(out.items(), key=lambda item: -abs(item[1][0].lsb_v)))
 
 
 def jobs(paths):
     """[(label, paths, options)]: each session chooses once, the others judge; other channels for what they show."""
-    if len(paths) < 2 or not all(levels_mat.looks_like(p) for p in paths):
-        return [(p.stem, [p], {}) for p in paths if levels_mat.looks_like(p)]
-    channels = sessions_of([levels_mat.read(p) for p in paths])
+    if len(paths) < 2 or not all(levels_mat.is_levels_file(p) for p in paths):
+        return [(p.stem, [p], {}) for p in paths if levels_mat.is_levels_file(p)]
+    channels = channel_sessions([levels_mat.read(p) for p in paths])
     main = next(iter(channels))
     out = [(f"{main}, session {k} chooses", paths, {"channel": main, "fit": str(k)}) for k in range(len(paths), 0, -1)]
     return out + [(f"{c}, session 1 chooses", paths, {"channel": c, "fit": "1"}) for c in channels if c != main]
@@ -253,10 +261,10 @@ def jobs(paths):
 
 def opener(paths, options):
     """`Problem` of files with levels; None if they hold none. Options channel=NAME (largest swing), fit=SESSIONS."""
-    if not paths or not all(levels_mat.looks_like(p) for p in paths):
+    if not paths or not all(levels_mat.is_levels_file(p) for p in paths):
         return None
     files = [levels_mat.read(p) for p in paths]
-    channels = sessions_of(files)
+    channels = channel_sessions(files)
     name = options.get("channel", next(iter(channels)))
     if name not in channels:
         raise ConfigError(f"--option channel={name}: the files have {', '.join(channels)}")

@@ -41,14 +41,14 @@ class Drive(NamedTuple):
     record: int
 
 
-def _power(text):
+def _term_order(text):
     return sum(int(t.partition("^")[2] or 1) for t in text.split() if "sgn" not in t)
 
 
-def _laws(rms_v, fs_hz):
+def _resonator_laws(rms_v, fs_hz):
     out = []
     for name, text, sign, words in FORCES:
-        n = _power(text)
+        n = _term_order(text)
         unit = "V" if n == 0 else "1" if n == 1 else f"1/V^{n - 1}" if n > 2 else "1/V"
         out.append(
             Law(
@@ -80,7 +80,7 @@ def _library(rms_v):
             "force_x",
             f"F = -k c {text}",
             "relative",
-            SCALE * rms_v ** (1 - _power(text)),
+            SCALE * rms_v ** (1 - _term_order(text)),
             int(text in DISSIPATES),
             term=tuple(_factors(text)),
         )
@@ -160,7 +160,7 @@ class DrivenResonator(Part, adds="fs_hz"):
 
 def periodic(u, longest=16384):
     """(first, period, periods) of stretches in which u repeats itself, at least four periods of 256 or more samples."""
-    found, taken = [], np.zeros(len(u), bool)
+    stretches, covered = [], np.zeros(len(u), bool)
     for p in (256, 512, 1024, 2048, 4096, 8192, longest):
         if len(u) < 4 * p:
             break
@@ -168,18 +168,18 @@ def periodic(u, longest=16384):
         blocks = len(change) // (p // 4)
         power = change[: blocks * (p // 4)].reshape(blocks, -1).mean(1)
         level = np.array([np.var(u[i * (p // 4) : i * (p // 4) + p]) for i in range(blocks)])
-        same = power < 2 * 0.02**2 * np.maximum(level, 1e-12 * np.var(u))
+        repeats = power < 2 * 0.02**2 * np.maximum(level, 1e-12 * np.var(u))
         start = None
-        for i, good in enumerate(np.append(same, False)):
+        for i, good in enumerate(np.append(repeats, False)):
             if good and start is None:
                 start = i
             elif not good and start is not None:
                 first, count = start * (p // 4), (i - start) // 4 + 1
-                if count >= 4 and not taken[first : first + count * p].any():
-                    found.append((first, p, count))
-                    taken[first : first + count * p] = True
+                if count >= 4 and not covered[first : first + count * p].any():
+                    stretches.append((first, p, count))
+                    covered[first : first + count * p] = True
                 start = None
-    return found
+    return stretches
 
 
 def repeated_noise(record):
@@ -234,17 +234,17 @@ def crude(record):
 
 def problem(paths, fs_hz=input_output.FS_HZ):
     """`DrivenResonator` of one record, and of further ones of the same part for its noise and for the exam."""
-    from testbench.measured.formats.registry import sha256_of
+    from testbench.measured.formats.registry import file_sha256
 
-    records = [(input_output.load(path, fs_hz), sha256_of(path)) for path in paths]
+    records = [(input_output.load(path, fs_hz), file_sha256(path)) for path in paths]
     records.sort(key=lambda item: (item[1] not in splits.OFFICIAL, item[1]))
-    (first, digest), others = records[0], records[1:]
-    return of_records(first, digest, others)
+    (first, digest), further = records[0], records[1:]
+    return records_problem(first, digest, further)
 
 
-def of_records(first, digest, others=()):
+def records_problem(first, digest, further=()):
     """As `problem`, from `InputOutput`s and their hashes."""
-    noises = [v for record, _ in ((first, digest), *others) for v in repeated_noise(record)]
+    noises = [v for record, _ in ((first, digest), *further) for v in repeated_noise(record)]
     notes = []
     if noises:
         floor = float(np.sqrt(np.mean(np.concatenate(noises) ** 2)))
@@ -252,8 +252,8 @@ def of_records(first, digest, others=()):
     else:
         floor = quiet_band_sd(first)
         notes.append(f"nothing repeats: noise taken as white, {floor:.3f} mV from the band without input")
-    floor = max(floor, 1e3 * series.floor(first.output_v))
-    noise = Noise.white(floor)
+    floor = max(floor, 1e3 * series.rounding_noise(first.output_v))
+    noise = Noise.white_noise(floor)
     if first.overloaded:
         notes.append("the digitiser says that it was overloaded")
     wide = mode.upsample(first.input_v, TICKS)
@@ -261,11 +261,11 @@ def of_records(first, digest, others=()):
     pieces = []
     for role in ("fit", "validate", "exam"):
         for name, (a, b) in getattr(plan, role).items():
-            pieces.append(_piece(name, role, first, wide, a, b, noise, floor))
-    for number, (record, _) in enumerate(others):
+            pieces.append(_cut_piece(name, role, first, wide, a, b, noise, floor))
+    for number, (record, _) in enumerate(further):
         n = len(record.input_v)
         name = f"other_record_{number + 1}"
-        pieces.append(_piece(name, "exam", record, mode.upsample(record.input_v, TICKS), 0, n, noise, floor))
+        pieces.append(_cut_piece(name, "exam", record, mode.upsample(record.input_v, TICKS), 0, n, noise, floor))
     f, q, gain = crude(first)
     rms = float(np.std(first.output_v))
     nuisances = (
@@ -275,16 +275,23 @@ def of_records(first, digest, others=()):
         Nuisance("input_offset", "mV", 0.0, 20.0, 1e-3),
         Nuisance("output_offset", "mV", 0.0, 20.0, 1e-3),
     )
-    hashes = {"record": digest} | {f"record_{i + 2}": h for i, (_, h) in enumerate(others)}
-    made = DrivenResonator(
-        first.fs_hz, (f, q, gain), "driven resonator", nuisances, _laws(rms, first.fs_hz), pieces, hashes, notes
+    hashes = {"record": digest} | {f"record_{i + 2}": h for i, (_, h) in enumerate(further)}
+    resonator = DrivenResonator(
+        first.fs_hz,
+        (f, q, gain),
+        "driven resonator",
+        nuisances,
+        _resonator_laws(rms, first.fs_hz),
+        pieces,
+        hashes,
+        notes,
     )
-    made.library, made.heldout_independent = _library(rms), bool(others)
-    made.working = Working("driven", float(np.max(np.abs(first.output_v))), f, q)
-    return made
+    resonator.library, resonator.heldout_independent = _library(rms), bool(further)
+    resonator.working = Working("driven", float(np.max(np.abs(first.output_v))), f, q)
+    return resonator
 
 
-def _piece(name, role, record, wide, a, b, noise, floor):
+def _cut_piece(name, role, record, wide, a, b, noise, floor):
     n = b - a
     return Piece(
         name,

@@ -19,43 +19,43 @@ from testbench.paper.judge_table import sentence, tables
 from testbench.storage import inputs
 
 
-def looks_like(path):
+def is_numbers_list(path):
     """True if the first line is that of the list of numbers."""
     return inputs.head(path, len(HEAD)).decode("ascii", "replace") == HEAD
 
 
 def jobs(paths):
     """[(label, paths, options)] of the lists among the files; what lies beside them is not traced."""
-    lists = [p for p in paths if looks_like(p)]
+    lists = [p for p in paths if is_numbers_list(p)]
     return [("the paper's numbers", [p, *[q for q in paths if q != p]], {}) for p in lists]
 
 
 def report(paths, options):
     """(JSON, "") of a list of the paper's numbers; None if the first file is none."""
-    if not paths or not looks_like(paths[0]):
+    if not paths or not is_numbers_list(paths[0]):
         return None
     rows = judge.rows(closed_form.default(), paths[0])
-    others = rivals(Numbers(paths[0]))
+    rivals_by_number = rivals(Numbers(paths[0]))
     data = {
         "verdict": "unexplained" if any(r.verdict == CONTRADICTED for r in rows) else "none",
         "sentence": f"{sentence(rows)} Contradicted numbers have rivals that one printed number each does not tell "
         "apart: none is declared the cause",
         "effects": [],
         "heldout": {},
-        "questions": [_question(r, _rivals_of(r.number, others)) for r in rows],
+        "questions": [_question(r, _find_rivals(r.number, rivals_by_number)) for r in rows],
     }
     data["html"] = _html(rows, data)
     return data, ""
 
 
-def _rivals_of(number, others):
-    for (symbol, case, temperature), found in others.items():
+def _find_rivals(number, rivals_by_number):
+    for (symbol, case, temperature), alternatives in rivals_by_number.items():
         if number.symbol == symbol and number.case.startswith(case) and number.temperature == temperature:
-            return found
+            return alternatives
     return ()
 
 
-def _question(row, found):
+def _question(row, alternatives):
     n, part = row.number, row.part
     return {
         "name": n.quantity,
@@ -68,7 +68,7 @@ def _question(row, found):
         "rests_on": list(row.rule.rests_on),
         "verdict": row.verdict,
         "basis": row.basis,
-        "rivals": [x._asdict() for x in found],
+        "rivals": [x._asdict() for x in alternatives],
     }
 
 

@@ -31,10 +31,13 @@ class Piece(NamedTuple):
     condition: dict
 
 
-MEMBERS = "unit observable f_ref_hz working working_at all_pieces pieces notes exam abscissa where repeatability named"
+MEMBERS = (
+    "unit observable f_ref_hz working working_at all_pieces pieces notes exam abscissa where "
+    "repeatability nuisance_values"
+)
 
 
-class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
+class Part(PartProblem, adds=f"{MEMBERS} model locate predict_rows simulated"):
     """Base of the problems of parts. A subclass gives `model` and `locate`."""
 
     unit, observable = "", "residual"
@@ -53,14 +56,14 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
         """`Working` of the part at fitted nuisances {name: value}."""
         return self.working
 
-    def __init__(self, name, nuisances, laws, pieces, hashes, notes=(), shown="validate"):
+    def __init__(self, name, nuisances, laws, pieces, hashes, notes=(), visible_role="validate"):
         self.name, self.nuisances, self.laws = name, tuple(nuisances), tuple(laws)
         self.all_pieces, self.hashes, self.notes = tuple(pieces), dict(hashes), tuple(notes)
-        self._show(shown)
+        self._show(visible_role)
 
-    def _show(self, shown):
-        self.pieces = tuple(p for p in self.all_pieces if p.role in ("fit", shown))
-        self._noises = tuple(p.noise.of_rows(p.scored) for p in self.pieces)
+    def _show(self, visible_role):
+        self.pieces = tuple(p for p in self.all_pieces if p.role in ("fit", visible_role))
+        self._noises = tuple(p.noise.select_rows(p.scored) for p in self.pieces)
         self.segments = tuple(
             Segment(
                 p.name,
@@ -90,7 +93,7 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
         """(abscissa of all rows, its label)."""
         return np.arange(len(piece.rows)), "row"
 
-    def where(self, piece, rest, values, laws):
+    def where(self, piece, residual, values, laws):
         """{.., "words"}: where the rest (scored rows) of a piece sits, by a test of the part's own; None: no such."""
         return None
 
@@ -98,7 +101,7 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
         """{segment: rms of what its repeats do not share}, where the part has repeats that its noise does not tell."""
         return {}
 
-    def measured(self, k):
+    def segment_features(self, k):
         return self.pieces[k].rows[self.pieces[k].scored]
 
     def whiten(self, k, v):
@@ -108,37 +111,37 @@ class Part(PartProblem, adds=f"{MEMBERS} model locate whole simulated"):
         return self.noise_draws(k, 1, rng)[:, 0]
 
     def noise_draws(self, k, count, rng):
-        return self._noises[k].draws(len(self.pieces[k].scored), count, rng)
+        return self._noises[k].draw_many(len(self.pieces[k].scored), count, rng)
 
-    def floor(self, k):
+    def repeatability_rms(self, k):
         return {self.observable: self.pieces[k].floor}
 
-    def named(self, theta):
+    def nuisance_values(self, theta):
         return dict(zip((n.name for n in self.nuisances), (float(t) for t in theta)))
 
     def predict(self, points, which):
         out = []
         for theta, effects in points:
-            values, found = self.named(theta), []
+            values, predictions = self.nuisance_values(theta), []
             for k in which:
                 piece = self.pieces[k]
-                rows = self.whole(piece, values, effects)[piece.scored]
+                rows = self.predict_rows(piece, values, effects)[piece.scored]
                 if not np.all(np.isfinite(rows)) or np.max(np.abs(rows)) > 1e3 * (np.max(np.abs(piece.rows)) + 1e-12):
                     raise PredictionFailed(f"{piece.name}: diverges")
-                found.append(rows)
-            out.append(found)
+                predictions.append(rows)
+            out.append(predictions)
         return out
 
-    def whole(self, piece, values, effects):
+    def predict_rows(self, piece, values, effects):
         """All rows of a piece, its local unknowns fitted on its setup rows."""
         return self.model(piece, values, effects, self.locate(piece, values, effects))
 
     def simulated(self, theta, effects, rng):
         """The same experiment with data from the model: local unknowns as in the measured data, declared noise."""
-        other, values = copy.copy(self), self.named(theta)
+        other, values = copy.copy(self), self.nuisance_values(theta)
         pieces = []
         for piece in self.all_pieces:
-            clean = self.whole(piece, values, effects)
+            clean = self.predict_rows(piece, values, effects)
             rows = clean + piece.noise.draw(len(clean), rng)
             pieces.append(piece._replace(rows=rows))
         other.all_pieces = tuple(pieces)

@@ -20,7 +20,15 @@ from testbench.measured.formats import recognised, ringdown_text
 from testbench.measured.models.noise import turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
-from testbench.measured.parts.ringdown_stretch import DB, LEAST_NOISE_DB, background, jumps, noise, steady, stretch
+from testbench.measured.parts.ringdown_stretch import (
+    DB,
+    LEAST_NOISE_DB,
+    background,
+    jumps,
+    noise,
+    running_median,
+    stretch,
+)
 from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance
 
@@ -43,7 +51,7 @@ class Run(NamedTuple):
 
 
 @kernel
-def _decay(t, log_p, g, drift, c, exponents, out):
+def _integrate_decay(t, log_p, g, drift, c, exponents, out):
     """ln P at instants t by Runge-Kutta 4 on d(ln P)/dt = -g (1 + drift (t/T - 1/2)) - sum c P^(n - 1)."""
     y, span = log_p, t[-1] - t[0] if len(t) > 1 else 1.0
     for i in range(len(t)):
@@ -74,7 +82,7 @@ def power_dbm(t_s, level_dbm, rate_per_s, effects):
     c = np.array([effects.get(name, 0.0) for name in NAMES])
     exponents = np.array([EXPONENTS[name] for name in NAMES])
     start = (level_dbm - UW_DBM) / DB
-    _decay(np.ascontiguousarray(t_s), start, rate_per_s, effects.get("rate_drift", 0.0), c, exponents, out)
+    _integrate_decay(np.ascontiguousarray(t_s), start, rate_per_s, effects.get("rate_drift", 0.0), c, exponents, out)
     second, added = effects.get("second_mode", 0.0), effects.get("added_power", 0.0)
     if second or added:
         p = np.exp(out)
@@ -88,7 +96,7 @@ def power_dbm(t_s, level_dbm, rate_per_s, effects):
     return y + bias * (y - level_dbm) ** 2 if bias else y
 
 
-def _laws(power_uw, rate):
+def _decay_laws(power_uw, rate):
     def force(name, n, words):
         half = 2 * (n - 1)
         unit = "1/(s uW)" if n == 2 else f"1/(s uW^{n - 1:g})" if n > 1 else "uW^0.5/s"
@@ -132,22 +140,22 @@ class Ringdown(Part):
         """Level and rate: nuisances of a fitted run, else least squares on the setup rows."""
         if piece.role == "fit":
             return values[f"level_{piece.data.number}"], float(np.exp(values[f"ln_rate_{piece.data.number}"]))
-        t, y, used, its = piece.data.t_s, piece.rows, piece.setup, piece.noise.of_rows(piece.setup)
+        t, y, used, its = piece.data.t_s, piece.rows, piece.setup, piece.noise.select_rows(piece.setup)
 
-        def left(local):
+        def whitened_residual(local):
             return its.whiten((y - power_dbm(t, local[0], float(np.exp(local[1])), effects))[used])
 
         # the rate of the fitted runs of the sample: one from this run's slope could end the decay too early
         local = np.array([y[0], np.mean([v for name, v in values.items() if name.startswith("ln_rate_")])])
-        now, damping = left(local), 0.0
+        now, damping = whitened_residual(local), 0.0
         for _ in range(40):
-            j = np.column_stack([(left(local + e) - now) / 1e-5 for e in np.eye(2) * 1e-5])
+            j = np.column_stack([(whitened_residual(local + e) - now) / 1e-5 for e in np.eye(2) * 1e-5])
             if not np.all(np.isfinite(j)):
                 break
             size = np.linalg.norm(j, axis=0)
             rows = np.concatenate([j, np.diag(np.sqrt(damping) * size)])
             step = -np.linalg.lstsq(rows, np.concatenate([now, np.zeros(2)]), rcond=None)[0]
-            tried = left(local + np.clip(step, [-5.0, -1.0], [5.0, 1.0]))
+            tried = whitened_residual(local + np.clip(step, [-5.0, -1.0], [5.0, 1.0]))
             if tried @ tried <= now @ now:
                 local, now, damping = local + np.clip(step, [-5.0, -1.0], [5.0, 1.0]), tried, damping / 10
                 if np.max(np.abs(step)) < 1e-9:
@@ -162,16 +170,16 @@ def _used(trace, background_dbm):
     p, t = trace.power_dbm, trace.x
     a, b = stretch(p)
     if background_dbm is not None:  # nearer to it P is no longer signal with a small error
-        b = _until(a, b, steady(p)[a:b] < background_dbm + CLEAR_DB)
+        b = _until(a, b, running_median(p)[a:b] < background_dbm + CLEAR_DB)
     while True:
         fall = p[a] - p[b - 1] if b > a else 0.0
         if b - a < FEWEST or fall < LEAST_DB:
-            said = f"{b - a} samples decay by {fall:.1f} dB, {FEWEST} samples and {LEAST_DB:g} dB wanted"
-            raise FileError(f"{trace.path}: {said}")
+            text = f"{b - a} samples decay by {fall:.1f} dB, {FEWEST} samples and {LEAST_DB:g} dB wanted"
+            raise FileError(f"{trace.path}: {text}")
         its = noise(t[a:b], p[a:b])
         if its is None:
             raise FileError(f"{trace.path}: the decay has no noise above {LEAST_NOISE_DB:g} dB; measured power wanted")
-        its = its._replace(white_sd=max(its.white_sd, series.floor(p)))
+        its = its._replace(white_sd=max(its.white_sd, series.rounding_noise(p)))
         end = _until(a, b, its.sd > CLEAR_SD_DB)
         if end == b:
             return a, b, its
@@ -182,7 +190,7 @@ def _until(a, b, too_low):
     return a + int(np.argmax(too_low)) if np.any(too_low) else b
 
 
-def of_trace(trace, fitted, background_dbm=None):
+def trace_piece(trace, fitted, background_dbm=None):
     """`Piece` of a run, and notes on what was left out."""
     t, p = trace.x, trace.power_dbm
     a, b, its = _used(trace, background_dbm)
@@ -210,26 +218,26 @@ def problem(traces):
 
     A single run is split in time: its even blocks are fitted, its odd ones judged.
     """
-    from testbench.measured.formats.registry import sha256_of
+    from testbench.measured.formats.registry import file_sha256
 
-    traces = sorted(traces, key=lambda trace: (trace.header.get("date and time", ""), sha256_of(trace.path)))
+    traces = sorted(traces, key=lambda trace: (trace.header.get("date and time", ""), file_sha256(trace.path)))
     pieces, notes = [], []
     levels = [v for v in (background(trace.power_dbm) for trace in traces) if v is not None]
     level = min(levels, default=None)
     if level is not None:
         notes.append(f"background beside the decay: {level:.1f} dBm")
     if len(traces) == 1:
-        piece, said = of_trace(traces[0], False, level)
-        notes += said
+        piece, piece_notes = trace_piece(traces[0], False, level)
+        notes += piece_notes
         pieces = [
             piece._replace(name=piece.name + "_even", role="fit", scored=piece.setup),
             piece._replace(name=piece.name + "_odd"),
         ]
     else:
         for k, trace in enumerate(traces):
-            piece, said = of_trace(trace, k % 2 == 0, level)
+            piece, piece_notes = trace_piece(trace, k % 2 == 0, level)
             pieces.append(piece)
-            notes += said
+            notes += piece_notes
     nuisances = []
     for piece in (p for p in pieces if p.role == "fit"):
         slope = np.polyfit(piece.data.t_s, piece.rows, 1)[0]
@@ -238,13 +246,13 @@ def problem(traces):
         nuisances.append(Nuisance(f"ln_rate_{number}", "1", float(np.log(-slope / DB)), 1.0, 1e-5))
     rate = np.exp(np.median([n.value for n in nuisances[1::2]]))
     power = 10 ** ((np.median([p.rows[0] for p in pieces]) - UW_DBM) / 10)
-    hashes = {f"record_{i + 1}": sha256_of(trace.path) for i, trace in enumerate(traces)}
-    made = Ringdown(f"ring-down {traces[0].sample}", nuisances, _laws(power, rate), pieces, hashes, notes)
-    made.heldout_independent = len(traces) > 1
+    hashes = {f"record_{i + 1}": file_sha256(trace.path) for i, trace in enumerate(traces)}
+    ringdown = Ringdown(f"ring-down {traces[0].sample}", nuisances, _decay_laws(power, rate), pieces, hashes, notes)
+    ringdown.heldout_independent = len(traces) > 1
     f = traces[0].frequency_hz if np.isfinite(traces[0].frequency_hz) else 1.0
     largest = max(10 ** ((piece.rows[0] - UW_DBM) / 10) for piece in pieces)
-    made.working = Working("ringdown", float(np.sqrt(largest)), f, float(2 * np.pi * f / rate))
-    return made
+    ringdown.working = Working("ringdown", float(np.sqrt(largest)), f, float(2 * np.pi * f / rate))
+    return ringdown
 
 
 def load(paths):

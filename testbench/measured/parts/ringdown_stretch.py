@@ -26,14 +26,14 @@ LEAST_NOISE_DB = 1e-6
 DB = 10.0 / np.log(10.0)
 
 
-def width_of(p):
+def median_width(p):
     """Samples of the running median."""
     return max(NARROW, len(p) // SHARE) | 1
 
 
-def steady(p):
+def running_median(p):
     """Running median: dips of a background that fades go, steps stay."""
-    return median_filter(p, width_of(p), mode="nearest")
+    return median_filter(p, median_width(p), mode="nearest")
 
 
 def _rise(smooth, width):
@@ -53,19 +53,19 @@ def _rise(smooth, width):
 
 def jumps(p):
     """Places at which the power jumps by JUMP_DB from one sample to the next, and stays there."""
-    smooth, width = steady(p), 3 * width_of(p)
+    smooth, width = running_median(p), 3 * median_width(p)
     at = np.flatnonzero(np.abs(np.diff(smooth)) > JUMP_DB) + 1
-    apart = [abs(np.median(p[i : i + width]) - np.median(p[max(i - width, 0) : i])) for i in at]
-    return at[np.array(apart) > JUMP_DB] if len(at) else at
+    steps_db = [abs(np.median(p[i : i + width]) - np.median(p[max(i - width, 0) : i])) for i in at]
+    return at[np.array(steps_db) > JUMP_DB] if len(at) else at
 
 
 def stretch(p):
     """(first, end) of the decay; (0, 0) if nothing falls."""
-    smooth, best, first, least = steady(p), (0.0, 0, 0), 0, 0
-    rise = _rise(smooth, width_of(p))
-    apart = set(jumps(p).tolist())
+    smooth, best, first, least = running_median(p), (0.0, 0, 0), 0, 0
+    rise = _rise(smooth, median_width(p))
+    jump_rows = set(jumps(p).tolist())
     for i in range(1, len(p)):
-        if i in apart or smooth[i] > smooth[least] + rise[i]:
+        if i in jump_rows or smooth[i] > smooth[least] + rise[i]:
             first = least = i
         elif smooth[i] < smooth[least]:
             least = i
@@ -84,12 +84,12 @@ def stretch(p):
 def _corner(p):
     """Samples that may stand at one level before a straight fall begins: the latest corner that is not worse."""
     k, costs = np.arange(len(p), dtype=float), []
-    places = np.unique(np.linspace(0, len(p) - NARROW // 2, CORNERS).astype(int))
-    for at in places:
+    corners = np.unique(np.linspace(0, len(p) - NARROW // 2, CORNERS).astype(int))
+    for at in corners:
         a = np.column_stack([np.ones(len(p)), np.maximum(k - at, 0.0)])
-        left = p - a @ np.linalg.lstsq(a, p, rcond=None)[0]
-        costs.append(float(left @ left))
-    return int(places[np.flatnonzero(np.array(costs) <= min(costs) * (1 + SURE / len(p)))[-1]])
+        residual = p - a @ np.linalg.lstsq(a, p, rcond=None)[0]
+        costs.append(float(residual @ residual))
+    return int(corners[np.flatnonzero(np.array(costs) <= min(costs) * (1 + SURE / len(p)))[-1]])
 
 
 def background(p):
@@ -97,22 +97,22 @@ def background(p):
 
     What is short (BEHIND samples behind, BEFORE before, where an earlier decay may still ring) or still falls is none.
     """
-    smooth, (a, b) = steady(p), stretch(p)
+    smooth, (a, b) = running_median(p), stretch(p)
     if b - a < BEHIND:
         return None
     ends = jumps(p)
     last = next((int(e) for e in ends if e >= b + 5), len(p))
     first = next((int(e) for e in ends if e < a), 0)
-    found, behind, tail = [], p[b + 5 : last], p[max(a, last - max((last - a) // TAIL, BEHIND)) : last]
+    levels, after, tail = [], p[b + 5 : last], p[max(a, last - max((last - a) // TAIL, BEHIND)) : last]
     half = a + int(np.argmax(smooth[a:b] < (smooth[a] + smooth[b - 1]) / 2))
     usual = (smooth[a] - smooth[half]) / max(half - a, 1) * len(tail) / 2
-    if len(behind) >= BEHIND and abs(_fall(behind)) < JUMP_DB:
-        found.append(behind)
+    if len(after) >= BEHIND and abs(_fall(after)) < JUMP_DB:
+        levels.append(after)
     elif _fall(tail) < STILL * usual:
-        found.append(p[a + int(np.argmax(smooth[a:last] < np.median(tail) + JUMP_DB / 2)) : last])
+        levels.append(p[a + int(np.argmax(smooth[a:last] < np.median(tail) + JUMP_DB / 2)) : last])
     if first >= BEFORE and abs(_fall(p[:first])) < JUMP_DB:
-        found.append(p[:first])
-    return min((float(10 * np.log10(np.mean(10 ** (piece / 10)))) for piece in found), default=None)
+        levels.append(p[:first])
+    return min((float(10 * np.log10(np.mean(10 ** (piece / 10)))) for piece in levels), default=None)
 
 
 def _fall(p):
@@ -122,7 +122,7 @@ def _fall(p):
 
 def _spline(t, p):
     """Cubic splines over the fall, (n, KNOTS + 3): knots at equal shares of its dB."""
-    fall = np.maximum.accumulate(steady(p)[0] - steady(p)) + 1e-9 * np.arange(len(p))
+    fall = np.maximum.accumulate(running_median(p)[0] - running_median(p)) + 1e-9 * np.arange(len(p))
     inner = np.interp(np.linspace(0, fall[-1], KNOTS + 1)[1:-1], fall, t)
     knots = np.concatenate([np.full(4, t[0]), np.unique(inner), np.full(4, t[-1])])
     return BSpline.design_matrix(np.clip(t, t[0], t[-1]), knots, 3).toarray()

@@ -71,13 +71,13 @@ def _envelope(f, f0, g, dwell, wait, kick, stiff, damp, substeps, out):
 
 
 @kernel
-def _waveforms(f, moved, f0, g, dwell, bins, out):
+def _waveforms(f, shift_hz, f0, g, dwell, bins, out):
     """Column j bins + k: source on in bin j of each step alone, receiver in bin k alone; moved: Hz that f0 moves."""
     h = dwell / bins
     for j in range(bins):
         a = 0.0j
         for n in range(len(f)):
-            rate = g / 2 + 1j * TWO_PI * (f[n] - f0 - moved[n])
+            rate = g / 2 + 1j * TWO_PI * (f[n] - f0 - shift_hz[n])
             e = np.exp(-rate * h)
             for k in range(bins):
                 still = 1.0 / rate if j == k else 0.0j
@@ -109,7 +109,7 @@ def envelope(f_hz, f0_hz, g_per_s, effects):
     return out
 
 
-def laws_of(steps_seen, g, width_hz, level):
+def sweep_laws(has_steps, g, width_hz, level):
     def plant(name, text, unit, scale, sign=0):
         return Law(name, "force_x", text, unit, scale, sign, page=f"docs/effects/{name}.md")
 
@@ -124,7 +124,7 @@ def laws_of(steps_seen, g, width_hz, level):
         analyser("kick_re", "source interrupted at each step", "us", 1.0),
         analyser("kick_im", "phase of the source jumps at each step", "us", 1.0),
     ]
-    if steps_seen:
+    if has_steps:
         laws += [
             analyser("path_step_re", "path that steps where S11 does, real", "1", 0.01 * level),
             analyser("path_step_im", "path that steps where S11 does, imaginary", "1", 0.01 * level),
@@ -150,43 +150,45 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         step = complex(effects.get("path_step_re", 0.0), effects.get("path_step_im", 0.0)) * piece.data.behind
         return np.column_stack([a, np.ones(len(x)), x, x * x, *other]), step
 
-    def _of(self, piece, q, linear, effects):
+    def _stack_parts(self, piece, q, linear, effects):
         columns, step = self.columns(piece, q, effects)
         s = columns @ linear + step
         return 1e3 * np.concatenate([s.real, s.imag])
 
     def model(self, piece, values, effects, local):
-        return self._of(piece, *local, effects)
+        return self._stack_parts(piece, *local, effects)
 
     def abscissa(self, piece):
         f = piece.data.f_hz - piece.data.f_hz[0]
         step = f[1] - f[0]
         return np.concatenate([f, f[-1] + step + f]), f"Hz above {piece.data.f_hz[0]:.0f}; imaginary part behind"
 
-    def where(self, piece, rest, values, laws):
+    def where(self, piece, residual, values, laws):
         """Of the rest's power: its share near the peak, its share across the response, `images` of the peak."""
-        n = len(rest) // 2
+        n = len(residual) // 2
         f = piece.data.f_hz[piece.scored[:n]] - piece.data.f_hz[0] - self.offset(piece, values, laws)
-        power = rest[:n] ** 2 + rest[n:] ** 2
-        near, rate = np.abs(f) < NEAR_HZ, float(laws.get("sweep_rate", 0.0))
-        found = {"near_hz": NEAR_HZ, "near_power": float(power[near].sum() / power.sum())}
-        found["near_rows"] = float(near.mean())
-        words = f"{100 * found['near_power']:.0f} % of its power within {NEAR_HZ / 1e3:g} kHz of the peak, in "
-        words += f"{100 * found['near_rows']:.0f} % of the rows"
-        share, p, phase = across(rest[:n] + 1j * rest[n:], 1e3 * self.response(piece, values, laws)[piece.scored[:n]])
-        found |= {"across": share, "across_p": p, "phase_mrad": 1e3 * phase}
+        power = residual[:n] ** 2 + residual[n:] ** 2
+        peak_rows, rate = np.abs(f) < NEAR_HZ, float(laws.get("sweep_rate", 0.0))
+        measures = {"near_hz": NEAR_HZ, "near_power": float(power[peak_rows].sum() / power.sum())}
+        measures["near_rows"] = float(peak_rows.mean())
+        words = f"{100 * measures['near_power']:.0f} % of its power within {NEAR_HZ / 1e3:g} kHz of the peak, in "
+        words += f"{100 * measures['near_rows']:.0f} % of the rows"
+        share, p, phase = across(
+            residual[:n] + 1j * residual[n:], 1e3 * self.response(piece, values, laws)[piece.scored[:n]]
+        )
+        measures |= {"across": share, "across_p": p, "phase_mrad": 1e3 * phase}
         words += f"; where the response is strong {100 * share:.0f} % of it lies across it (chance: half; p {p:.2g})"
         words += f", its phase is off by {1e3 * phase:.1f} mrad rms" if p < 0.05 else ""
         if rate > 0:
-            found["any_waveform"] = best = self.any_waveform(piece, values, laws)
+            measures["any_waveform"] = best = self.any_waveform(piece, values, laws)
             words += "; any waveform of source and receiver, the same in each step and fitted to this very sweep, "
             words += f"leaves {best:.3g}e-3, {best / piece.floor:.2g} times the noise: it changes from step to step"
         if rate > 0 and np.ptp(f) > 5 * rate:
             ratio, p = images(f, power, rate)
-            found |= {"images_ratio": ratio, "images_p": p, "images_hz": rate}
-            seen = "images of the peak there" if p < 0.05 else "no images of it there"
-            words += f"; every {rate:.0f} Hz from it {ratio:.2f} times the power beside (p {p:.2g}): {seen}"
-        return found | {"words": words}
+            measures |= {"images_ratio": ratio, "images_p": p, "images_hz": rate}
+            images_text = "images of the peak there" if p < 0.05 else "no images of it there"
+            words += f"; every {rate:.0f} Hz from it {ratio:.2f} times the power beside (p {p:.2g}): {images_text}"
+        return measures | {"words": words}
 
     def offset(self, piece, values, laws):
         """Hz of the peak above the first row of a piece."""
@@ -208,8 +210,8 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         f0, ln_g, other = q[0], q[1], self.columns(first, q, laws)[0][:, 4:]
         y = [_complex(p.rows) for p in self.pieces]
         for piece, mine in zip(self.pieces, y):
-            same = piece is not first and np.array_equal(piece.data.f_hz, first.data.f_hz)
-            if not same or np.array_equal(piece.rows, first.rows):
+            is_repeat = piece is not first and np.array_equal(piece.data.f_hz, first.data.f_hz)
+            if not is_repeat or np.array_equal(piece.rows, first.rows):
                 continue
             at = [envelope(first.data.f_hz, f0 + a, float(np.exp(ln_g + b)), laws) for a, b, _ in NUDGES]
             x = first.data.x
@@ -218,8 +220,8 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
             columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
             c = np.linalg.lstsq(columns, mine, rcond=None)[0]
             factor = abs(c[0]) / np.linalg.norm(y[0])
-            left = (mine - columns @ c)[piece.scored[: len(piece.scored) // 2]]
-            out[piece.name] = float(np.sqrt(np.mean(np.abs(left) ** 2) / 2 / (1 + factor**2)))
+            residual = (mine - columns @ c)[piece.scored[: len(piece.scored) // 2]]
+            out[piece.name] = float(np.sqrt(np.mean(np.abs(residual) ** 2) / 2 / (1 + factor**2)))
         return out
 
     def any_waveform(self, piece, values, laws):
@@ -231,17 +233,17 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         f0, ln_g, other = q[0], q[1], self.columns(piece, q, laws)[0][:, 4:]
         f, x, rate = piece.data.f_hz, piece.data.x, laws["sweep_rate"]
         size = np.abs(self.response(piece, values, laws) / linear[0]) ** 2
-        moved = laws.get("duffing", 0.0) * size
+        shift_hz = laws.get("duffing", 0.0) * size
         columns = np.empty((len(f), BINS * BINS), complex)
-        _waveforms(f, moved, f0, float(np.exp(ln_g)), 1.0 / rate, BINS, columns)
+        _waveforms(f, shift_hz, f0, float(np.exp(ln_g)), 1.0 / rate, BINS, columns)
         at = [envelope(f, f0 + a, float(np.exp(ln_g + b)), laws | {"sweep_rate": rate + c}) for a, b, c in NUDGES]
         bent = [other - at[0] for other in at[1:]]
         columns = np.column_stack([columns, np.ones(len(x)), x, x * x, piece.data.behind, other, *bent])
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         y = _complex(piece.rows)
         c, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-12)
-        left = (y - columns @ c)[piece.scored[: len(piece.scored) // 2]]
-        return float(np.sqrt(np.mean(np.abs(left) ** 2) / 2 * len(y) / (len(y) - rank)))
+        residual = (y - columns @ c)[piece.scored[: len(piece.scored) // 2]]
+        return float(np.sqrt(np.mean(np.abs(residual) ** 2) / 2 * len(y) / (len(y) - rank)))
 
     def working_at(self, values):
         k, f0 = abs(complex(values["k_re_1"], values["k_im_1"])), self.pieces[0].data.f_hz[0] + values["f0_1"]
@@ -260,29 +262,33 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         half = len(piece.rows) // 2
         used = piece.setup[piece.setup < half]
         s = 1e-3 * (piece.rows[:half] + 1j * piece.rows[half:])
-        apart = () if self.second is None else (self.second.f_hz - self.second.q[0], self.second.ln_g)
-        return located(self.columns, piece, s, used, effects, apart)
+        separation = () if self.second is None else (self.second.f_hz - self.second.q[0], self.second.ln_g)
+        return located(self.columns, piece, s, used, effects, separation)
 
 
 def _complex(rows):
     return rows[: len(rows) // 2] + 1j * rows[len(rows) // 2 :]
 
 
-def across(rest, response):
+def across(residual, response):
     """(share of a rest's power across the response, p, rms phase in rad) in the rows where the response is strong.
 
     A source whose phase wanders turns a ringing mode and leaves its size. p: share of random turns of blocks of rows
     in which as much lies across.
     """
     strong = np.abs(response) > STRONG * np.abs(response).max()
-    e = (rest * np.conj(response) / np.maximum(np.abs(response), 1e-300))[strong]
+    e = (residual * np.conj(response) / np.maximum(np.abs(response), 1e-300))[strong]
     rng, blocks = np.random.default_rng(0), -(-len(e) // BLOCK)
     total = float(np.sum(np.abs(e) ** 2))
-    found, above = float(np.sum(e.imag**2)), 0
+    power_across, exceedances = float(np.sum(e.imag**2)), 0
     for _ in range(TURNS):
         turn = np.repeat(np.exp(2j * np.pi * rng.random(blocks)), BLOCK)[: len(e)]
-        above += np.sum((e * turn).imag ** 2) >= found
-    return found / total, (above + 1) / (TURNS + 1), float(np.sqrt(found / np.sum(np.abs(response[strong]) ** 2)))
+        exceedances += np.sum((e * turn).imag ** 2) >= power_across
+    return (
+        power_across / total,
+        (exceedances + 1) / (TURNS + 1),
+        float(np.sqrt(power_across / np.sum(np.abs(response[strong]) ** 2))),
+    )
 
 
 def images(f_hz, power, rate_hz):
@@ -300,14 +306,14 @@ def images(f_hz, power, rate_hz):
         at, away = np.abs(phase) < 0.1, np.abs(f_hz) > spacing / 2
         return local[at & away].mean() / local[~at & away].mean()
 
-    others = np.exp(np.linspace(np.log(0.5), np.log(2.0), SPACINGS))
-    others = rate_hz * others[np.abs(others - 1) > 0.05]
-    found = ratio(rate_hz)
-    above = sum(ratio(spacing) >= found for spacing in others)
-    return float(found), float((above + 1) / (len(others) + 1))
+    spacings = np.exp(np.linspace(np.log(0.5), np.log(2.0), SPACINGS))
+    spacings = rate_hz * spacings[np.abs(spacings - 1) > 0.05]
+    observed = ratio(rate_hz)
+    exceedances = sum(ratio(spacing) >= observed for spacing in spacings)
+    return float(observed), float((exceedances + 1) / (len(spacings) + 1))
 
 
-def located(columns_of, piece, s, used, effects, apart=()):
+def located(columns_of, piece, s, used, effects, separation=()):
     """((f0, ln g, ..), linear unknowns) that fit s at `used`, from the quasi-static peak.
 
     apart   Hz of a second mode from the first, and ln of its g: where its own two unknowns start, and are drawn to
@@ -318,17 +324,17 @@ def located(columns_of, piece, s, used, effects, apart=()):
     def solve(q):
         columns, step = columns_of(piece, q, effects)
         c = np.linalg.lstsq(columns[used], (s - step)[used], rcond=None)[0]
-        left = (columns[used] @ c) - (s - step)[used]
-        return c, left
+        misfit = (columns[used] @ c) - (s - step)[used]
+        return c, misfit
 
     def residual(q):
-        _, left = solve(q)
-        if not np.all(np.isfinite(left)):
-            return np.full(2 * len(used) + len(apart), 1e3)
-        rows = 1e3 * np.concatenate([left.real, left.imag])
-        if not apart:
+        _, misfit = solve(q)
+        if not np.all(np.isfinite(misfit)):
+            return np.full(2 * len(used) + len(separation), 1e3)
+        rows = 1e3 * np.concatenate([misfit.real, misfit.imag])
+        if not separation:
             return rows
-        drawn = (q[2] - q[0] - apart[0]) / (np.exp(apart[1]) / TWO_PI), (q[3] - apart[1]) / LN_G2_SD
+        drawn = (q[2] - q[0] - separation[0]) / (np.exp(separation[1]) / TWO_PI), (q[3] - separation[1]) / LN_G2_SD
         return np.concatenate([rows, piece.floor * np.array(drawn)])
 
     edge = np.linspace(s[0], s[-1], len(s))
@@ -339,11 +345,11 @@ def located(columns_of, piece, s, used, effects, apart=()):
     for shift in (0.0, -0.6 * spread, -1.2 * spread):
         for width in (2 * step_hz, 10 * step_hz, 40 * step_hz):
             q = [peak + shift, np.log(TWO_PI * width)]
-            q += [q[0] + apart[0], apart[1]] if apart else []
+            q += [q[0] + separation[0], separation[1]] if separation else []
             value = np.sum(residual(q) ** 2)
             if best is None or value < best[0]:
                 best = (value, q)
-    found = least_squares(
+    solution = least_squares(
         residual,
         best[1],
         x_scale=[step_hz, 0.1] * (len(best[1]) // 2),
@@ -353,5 +359,5 @@ def located(columns_of, piece, s, used, effects, apart=()):
         gtol=1e-12,
         max_nfev=60,
     )
-    c, _ = solve(found.x)
-    return found.x, c
+    c, _ = solve(solution.x)
+    return solution.x, c

@@ -17,7 +17,7 @@ from testbench.measured.models.noise import Noise
 from testbench.measured.models.working import Working
 from testbench.measured.parts import second_mode
 from testbench.measured.parts.part import Piece
-from testbench.measured.parts.swept_mode import PATH, TWO_PI, Sweep, SweptResonator, laws_of, located
+from testbench.measured.parts.swept_mode import PATH, TWO_PI, Sweep, SweptResonator, located, sweep_laws
 from testbench.tracing.problem.problem import Nuisance
 
 WIDEST = 3000  # points used
@@ -31,17 +31,17 @@ def window(s, f):
     size = np.abs(np.gradient(s))
     peaks, _ = find_peaks(size, height=max(60 * smooth, 0.03 * size.max()))
     main = int(np.argmax(size))
-    near = 250  # points that one response may ring over before another peak is another mode
-    left = max([p for p in peaks if p < main - near], default=None)
-    right = None
+    ring_points = 250  # points that one response may ring over before another peak is another mode
+    lower_peak = max([p for p in peaks if p < main - ring_points], default=None)
+    upper_peak = None
     level = size[main]
     for p in peaks:
         quiet = size[max(p - 30, 0) : p - 8] if p > 40 else size[:8]
-        if p > main + near and size[p] > max(2 * np.median(quiet), 0.05 * level):
-            right = int(p)
+        if p > main + ring_points and size[p] > max(2 * np.median(quiet), 0.05 * level):
+            upper_peak = int(p)
             break
-    a = 0 if left is None else (main + int(left)) // 2
-    b = len(f) if right is None else (main + right) // 2
+    a = 0 if lower_peak is None else (main + int(lower_peak)) // 2
+    b = len(f) if upper_peak is None else (main + upper_peak) // 2
     return max(a, main - WIDEST // 3), min(b, main + 2 * WIDEST // 3)
 
 
@@ -59,7 +59,7 @@ def noise_sd(s):
     return float(np.sqrt(np.mean(quiet**2) / 2) * np.sqrt(1.0 / 0.30685))  # mean of the lower half of an exponential
 
 
-def _piece(sweep, number, role):
+def _sweep_piece(sweep, number, role):
     if "s21" not in sweep.s:
         raise FileError(f"{sweep.path}: one port; S21 wanted")
     s, f = sweep.s["s21"], sweep.frequency_hz
@@ -69,9 +69,9 @@ def _piece(sweep, number, role):
     if b - a < FEWEST or noise_sd(s[a:b]) == 0 or f[a] <= 0:
         raise FileError(f"{sweep.path}: {b - a} points around the peak at {f[a]:g} Hz, {FEWEST} with noise wanted")
     step = analyser_step(sweep.s["s11"])
-    behind = np.zeros(len(f))
+    step_mask = np.zeros(len(f))
     if step is not None:
-        behind[step:] = 1.0
+        step_mask[step:] = 1.0
     notes = []
     if sweep.regular:
         notes.append(f"{number}: printed to {sweep.rounding_hz:g} Hz, put back on a grid of {f[1] - f[0]:.4f} Hz")
@@ -79,7 +79,7 @@ def _piece(sweep, number, role):
         notes.append(f"{number}: {f[a]:.0f} .. {f[b - 1]:.0f} Hz used")
     if step is not None and a < step < b:
         notes.append(f"{number}: the analyser steps at {f[step]:.0f} Hz (S11)")
-    s, f, behind = s[a:b], f[a:b], behind[a:b]
+    s, f, step_mask = s[a:b], f[a:b], step_mask[a:b]
     n = len(f)
     rows = 1e3 * np.concatenate([s.real, s.imag])
     odd = np.arange(n) % 2 == 1
@@ -87,21 +87,21 @@ def _piece(sweep, number, role):
     scored = np.arange(2 * n) if role == "fit" else np.flatnonzero(both)
     setup = np.arange(0) if role == "fit" else np.flatnonzero(~both)
     sd = 1e3 * max(noise_sd(s), sweep.print_noise)
-    data = Sweep(np.ascontiguousarray(f), np.linspace(-1, 1, n), behind, str(number))
+    data = Sweep(np.ascontiguousarray(f), np.linspace(-1, 1, n), step_mask, str(number))
     condition = {"peak_hz": float(f[int(np.argmax(np.abs(s)))])}
-    return Piece(f"sweep_{number}", role, rows, scored, setup, Noise.white(sd), sd, data, condition), notes
+    return Piece(f"sweep_{number}", role, rows, scored, setup, Noise.white_noise(sd), sd, data, condition), notes
 
 
 def problem(sweeps):
     """`SweptResonator` of sweeps of one peak: the first is fitted, the others judged; in the order of their dates."""
-    from testbench.measured.formats.registry import sha256_of
+    from testbench.measured.formats.registry import file_sha256
 
-    sweeps = sorted(sweeps, key=lambda s: (s.comments[-1:], sha256_of(s.path)))
+    sweeps = sorted(sweeps, key=lambda s: (s.comments[-1:], file_sha256(s.path)))
     pieces, notes = [], []
     for k, sweep in enumerate(sweeps):
-        piece, said = _piece(sweep, k + 1, "fit" if k == 0 else "validate")
+        piece, piece_notes = _sweep_piece(sweep, k + 1, "fit" if k == 0 else "validate")
         pieces.append(piece)
-        notes += said
+        notes += piece_notes
     first = pieces[0]
     if len(sweeps) == 1:
         n = len(first.data.f_hz)
@@ -113,10 +113,10 @@ def problem(sweeps):
         ]
     n = len(first.data.f_hz)
     s = 1e-3 * (first.rows[:n] + 1j * first.rows[n:])
-    made = SweptResonator("swept resonator", (), (), pieces, {}, notes)
-    (f0, ln_g), linear = located(made.columns, first, s, np.arange(n), {})
+    resonator = SweptResonator("swept resonator", (), (), pieces, {}, notes)
+    (f0, ln_g), linear = located(resonator.columns, first, s, np.arange(n), {})
     fitted = pieces[0].scored[pieces[0].scored < n]
-    second = second_mode.choose(made.columns, first, s, fitted, (f0, ln_g), 1e-3 * first.floor)
+    second = second_mode.choose(resonator.columns, first, s, fitted, (f0, ln_g), 1e-3 * first.floor)
     if second:
         (f0, ln_g), linear = second.q[:2], second.linear
         notes.append(second.words())
@@ -127,19 +127,19 @@ def problem(sweeps):
         Nuisance("ln_g_1", "1", float(ln_g), 3.0, 1e-5),
     ]
     if second:
-        beside = float(second.f_hz - first.data.f_hz[0])
-        nuisances.append(Nuisance("f2_1", "Hz", beside, 400 * spacing, 1e-3 * spacing))
+        offset_hz = float(second.f_hz - first.data.f_hz[0])
+        nuisances.append(Nuisance("f2_1", "Hz", offset_hz, 400 * spacing, 1e-3 * spacing))
         nuisances.append(Nuisance("ln_g2_1", "1", second.ln_g, 3.0, 1e-5))
     for name, value in zip(("k", *PATH, "k2"), linear):
         for part, v in (("re", value.real), ("im", value.imag)):
             nuisances.append(Nuisance(f"{name}_{part}_1", "1", float(v), 10 * level, 1e-6 * level))
-    seen = any(np.any(np.diff(p.data.behind)) for p in pieces)
-    laws = laws_of(seen, float(np.exp(ln_g)), float(np.exp(ln_g)) / TWO_PI, level)
-    hashes = {f"record_{k + 1}": sha256_of(sweep.path) for k, sweep in enumerate(sweeps)}
-    made = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)
-    made.heldout_independent, made.second = len(sweeps) > 1, second
-    made.working = Working("swept", level, float(f0), TWO_PI * float(f0 / np.exp(ln_g)))
-    return made
+    has_steps = any(np.any(np.diff(p.data.behind)) for p in pieces)
+    laws = sweep_laws(has_steps, float(np.exp(ln_g)), float(np.exp(ln_g)) / TWO_PI, level)
+    hashes = {f"record_{k + 1}": file_sha256(sweep.path) for k, sweep in enumerate(sweeps)}
+    resonator = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)
+    resonator.heldout_independent, resonator.second = len(sweeps) > 1, second
+    resonator.working = Working("swept", level, float(f0), TWO_PI * float(f0 / np.exp(ln_g)))
+    return resonator
 
 
 def load(paths):
@@ -147,7 +147,7 @@ def load(paths):
     return [sweep for _, sweep in recognised(paths, touchstone)]
 
 
-def _apart(a, b):
+def _is_disjoint(a, b):
     """True if two sweeps share less than half of the shorter one's span."""
     (a0, a1), (b0, b1) = ((s.frequency_hz[0], s.frequency_hz[-1]) for s in (a, b))
     return min(a1, b1) - max(a0, b0) < 0.5 * min(a1 - a0, b1 - b0)
@@ -158,7 +158,7 @@ def jobs(paths):
     groups = []
     for sweep in load(paths):
         for group in groups:
-            if not _apart(group[0], sweep):
+            if not _is_disjoint(group[0], sweep):
                 group.append(sweep)
                 break
         else:
@@ -173,6 +173,6 @@ def opener(paths, options):
     if not sweeps or len(sweeps) != len(paths):
         return None
     for sweep in sweeps[1:]:
-        if _apart(sweeps[0], sweep):
+        if _is_disjoint(sweeps[0], sweep):
             raise FileError(f"{sweep.path}: other frequencies than {sweeps[0].path}; sweeps of one peak wanted")
     return problem(sweeps)

@@ -56,26 +56,26 @@ class ThermalSpectrum(Part):
         return power_dbm(piece.data, values["peak"], f0, w, values["background"], effects)
 
 
-def noise_of(p):
+def estimate_noise(p):
     """(sd (dB), correlation from point to point) from differences over one and over LAG points."""
 
     def typical(v):
         return np.mean(v**2)
 
-    far = typical((p[2 * LAG :] - 2 * p[LAG:-LAG] + p[: -2 * LAG]) / np.sqrt(6))
-    near = typical((p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6))
-    return float(np.sqrt(far)), neighbours(near / far)
+    long_lag = typical((p[2 * LAG :] - 2 * p[LAG:-LAG] + p[: -2 * LAG]) / np.sqrt(6))
+    short_lag = typical((p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6))
+    return float(np.sqrt(long_lag)), neighbours(short_lag / long_lag)
 
 
 def problem(trace):
     """`ThermalSpectrum` of a trace: even blocks are fitted, odd ones judged."""
-    from testbench.measured.formats.registry import sha256_of
+    from testbench.measured.formats.registry import file_sha256
 
     f, p = trace.x, trace.power_dbm
     if len(p) < SHORTEST:
         raise FileError(f"{trace.path}: {len(p)} points, {SHORTEST} or more wanted")
-    sd, rho = noise_of(p)
-    sd = max(sd, series.floor(p))
+    sd, rho = estimate_noise(p)
+    sd = max(sd, series.rounding_noise(p))
     if not 0 < sd < np.inf:
         raise FileError(f"{trace.path}: the spectrum has no noise")
     pieces = []
@@ -92,25 +92,25 @@ def problem(trace):
         Nuisance("ln_w", "1", float(np.log(width)), 1.0, 1e-5),
         Nuisance("background", "dBm", float(np.min(smooth)) - 3.0, 6.0, 1e-3),
     )
-    made = ThermalSpectrum(
-        f"thermal spectrum {trace.sample}", nuisances, LAWS, pieces, {"record": sha256_of(trace.path)}, ()
+    spectrum = ThermalSpectrum(
+        f"thermal spectrum {trace.sample}", nuisances, LAWS, pieces, {"record": file_sha256(trace.path)}, ()
     )
-    made.heldout_independent = False
-    made.f_ref_hz = float(f[at])
-    made.working = Working("spectrum", 0.0, float(f[at]), float(f[at] / (2 * width)))
-    return made
+    spectrum.heldout_independent = False
+    spectrum.f_ref_hz = float(f[at])
+    spectrum.working = Working("spectrum", 0.0, float(f[at]), float(f[at] / (2 * width)))
+    return spectrum
 
 
-def _load(paths):
+def _load_spectra(paths):
     return [(path, trace) for path, trace in recognised(paths, ringdown_text) if trace.kind == "spectrum"]
 
 
 def jobs(paths):
     """[(label, paths, options)]: each spectrum by itself."""
-    return [(f"spectrum {trace.sample}", [path], {}) for path, trace in _load(paths)]
+    return [(f"spectrum {trace.sample}", [path], {}) for path, trace in _load_spectra(paths)]
 
 
 def opener(paths, options):
     """`Problem` of one spectrum; None if the file is another."""
-    found = _load(paths)
+    found = _load_spectra(paths)
     return problem(found[0][1]) if len(paths) == 1 and found else None

@@ -28,10 +28,10 @@ def rising(sheet, strictly, correct):
         return None, ()
     if np.all(step < 0) or (not strictly and np.all(step <= 0)):
         words = f"{axis.name} falls in every row"
-        found = finding(sheet, "reversed", axis.name, None, words, CORRECT if correct else None)
+        reversal = finding(sheet, "reversed", axis.name, None, words, CORRECT if correct else None)
         if not correct:
-            raise QualityError([found])
-        return np.arange(sheet.rows)[::-1], (found,)
+            raise QualityError([reversal])
+        return np.arange(sheet.rows)[::-1], (reversal,)
     back = np.flatnonzero(step < 0) + 1
     if len(back) and np.all(np.diff(other.values) >= 0) and np.ptp(other.values) > 0:
         words = f"{axis.name} falls and {other.name} rises in every row"
@@ -46,7 +46,7 @@ def rising(sheet, strictly, correct):
     raise QualityError([finding(sheet, "stuck", axis.name, still, f"{axis.name} stands still while other rows move")])
 
 
-def _ringdown(sheet):
+def _reversed_ringdown(sheet):
     p = sheet.column("power").values
     span = max(len(p) // 40, 2)
     smooth = np.array([np.median(p[k : k + span]) for k in range(0, len(p) - span + 1, span)])
@@ -58,22 +58,22 @@ def _ringdown(sheet):
         yield finding(sheet, "reversed", "power", None, f"grows by {rise:.3g} dB and falls by {fall:.3g}: no decay")
 
 
-def _meters(sheet):
-    (source,) = sheet.of(SETTING)
-    for c in sheet.of(SIGNAL):
+def _reversed_meters(sheet):
+    (source,) = sheet.columns_by_role(SETTING)
+    for c in sheet.columns_by_role(SIGNAL):
         slope = np.polyfit(source.values, c.values, 1)[0]
         back = np.polyfit(source.values[::-1], c.values, 1)[0]
         if slope < -0.8 or (abs(slope) < 0.5 and abs(back - 1) < 0.1):
             yield finding(sheet, "reversed", c.name, None, "readings run against their source")
 
 
-def _levels(sheet):
-    for c in sheet.of(SIGNAL):
+def _reversed_levels(sheet):
+    for c in sheet.columns_by_role(SIGNAL):
         if np.polyfit(np.arange(sheet.rows), c.values, 1)[0] < 0:
             yield finding(sheet, "reversed", c.name, None, "volts fall as the code rises")
 
 
-def _driven(sheet):
+def _reversed_driven(sheet):
     u, y = (sheet.column(n).values for n in ("input", "output"))
     _, used = gain(u, y)
     if np.count_nonzero(used) < 16:
@@ -87,7 +87,12 @@ def _driven(sheet):
         yield finding(sheet, "reversed", "input, output", None, "the output comes before its input")
 
 
-RULES = {"ringdown": _ringdown, "meters": _meters, "levels": _levels, "driven": _driven}
+RULES = {
+    "ringdown": _reversed_ringdown,
+    "meters": _reversed_meters,
+    "levels": _reversed_levels,
+    "driven": _reversed_driven,
+}
 
 
 def check(sheet):

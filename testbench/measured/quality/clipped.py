@@ -26,7 +26,7 @@ def _not_thinner(n1, n2, n3):
 
 def check(sheet):
     """Findings about the signals of a sheet."""
-    for c in sheet.of(SIGNAL):
+    for c in sheet.columns_by_role(SIGNAL):
         values = c.unwrapped
         grid, noise = grid_step(values), noise_sd(sheet.ordered(c.course), c.fast)
         bin_width = grid if grid > 0.02 * noise else 0.2 * noise
@@ -34,15 +34,17 @@ def check(sheet):
         ties = len(values) - len(np.unique(values))
         for side, v in (("highest", values), ("lowest", -values)):
             top = v.max()
-            at, others = v == top, v[v < top]
+            at, inner_values = v == top, v[v < top]
             count = np.count_nonzero(at)
-            below = np.count_nonzero(others >= top - 1.01 * bin_width)
-            pile = count > (PILE_FAST if c.fast else PILE) * below
-            many = count >= MANY and count > below + SIGMAS * np.sqrt(below + 1) and pile
+            next_count = np.count_nonzero(inner_values >= top - 1.01 * bin_width)
+            pile = count > (PILE_FAST if c.fast else PILE) * next_count
+            many = count >= MANY and count > next_count + SIGMAS * np.sqrt(next_count + 1) and pile
             if not c.fast and count >= MANY:
-                many = many or _not_thinner(count, below, np.count_nonzero(others >= top - 2.01 * bin_width) - below)
+                many = many or _not_thinner(
+                    count, next_count, np.count_nonzero(inner_values >= top - 2.01 * bin_width) - next_count
+                )
             ends = count - 1 + max(np.count_nonzero(v == v.min()) - 1, 0)
-            two = count > 1 and ties == ends and (grid / (top - others.max())) ** (count - 1) < CHANCE
+            two = count > 1 and ties == ends and (grid / (top - inner_values.max())) ** (count - 1) < CHANCE
             if (many or two) and not np.all(flat[at]):
                 words = f"{count} rows at its {side} value {values[at][0]:.6g} {c.unit}"
                 yield finding(sheet, "clipped", c.name, at, words)

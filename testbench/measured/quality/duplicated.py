@@ -34,9 +34,9 @@ def _again(bits, length):
             word = bits[k : k + count, column]
             total += (word ^ (word >> np.uint64(29))) * odd
     order = np.argsort(total, kind="stable")
-    same = np.zeros(count, bool)
-    same[order[1:]] = total[order[1:]] == total[order[:-1]]
-    return same
+    repeated = np.zeros(count, bool)
+    repeated[order[1:]] = total[order[1:]] == total[order[:-1]]
+    return repeated
 
 
 def repeated_rows(columns):
@@ -52,25 +52,30 @@ def _chance(sheet, signals):
 
 def check(sheet):
     """Findings about a sheet; what stands still is the business of `stuck`."""
-    signals, axis = [c.unwrapped for c in sheet.of(SIGNAL)], [c.values for c in sheet.of(AXIS)]
-    name = ", ".join(c.name for c in sheet.of(SIGNAL)[:3])
+    signals, axis = (
+        [c.unwrapped for c in sheet.columns_by_role(SIGNAL)],
+        [c.values for c in sheet.columns_by_role(AXIS)],
+    )
+    name = ", ".join(c.name for c in sheet.columns_by_role(SIGNAL)[:3])
     still = np.any([stuck_rows(v) for v in signals], axis=0)
-    bits, n, p = _bits([c.values for c in sheet.of(SIGNAL)]), sheet.rows, _chance(sheet, signals)
+    bits, n, p = _bits([c.values for c in sheet.columns_by_role(SIGNAL)]), sheet.rows, _chance(sheet, signals)
     pairs = np.concatenate([[False], np.all(bits[1:] == bits[:-1], axis=1)]) & ~still
-    whole = repeated_rows([c for c in sheet.columns if c.role != OTHER]) if axis else ()
+    full_rows = repeated_rows([c for c in sheet.columns if c.role != OTHER]) if axis else ()
     ties = n - len(np.unique(axis[0])) if axis else 0
-    if len(whole) and (len(whole) == ties or len(whole) > PAIRS + 3 * n * p):
-        yield finding(sheet, "duplicated", name, whole, "rows that are there twice, in every column")
+    if len(full_rows) and (len(full_rows) == ties or len(full_rows) > PAIRS + 3 * n * p):
+        yield finding(sheet, "duplicated", name, full_rows, "rows that are there twice, in every column")
         return
     if pairs.sum() >= PAIRS + 3 * n * p:
         yield finding(sheet, "duplicated", name, pairs, "rows equal to the row before")
         return
     length = int(np.ceil(np.log(2 * CHANCE / n**2) / np.log(p))) if p < 1 else LONGEST + 1
     if length <= min(LONGEST, n // 4):
-        same = _again(bits, max(length, 3))
-        moved = np.concatenate([[0], np.cumsum(np.any(bits[1:] != bits[:-1], axis=1))])
-        same &= moved[max(length, 3) - 1 :] - moved[: len(same)] >= (max(length, 3) - 1) / 2  # a flat course is none
-        same &= ~np.any([still[k : len(still) - max(length, 3) + 1 + k] for k in (0, max(length, 3) - 1)], axis=0)
-        if same.any():
-            rows = np.unique(np.flatnonzero(same)[:, None] + np.arange(max(length, 3)))
+        repeated = _again(bits, max(length, 3))
+        changes = np.concatenate([[0], np.cumsum(np.any(bits[1:] != bits[:-1], axis=1))])
+        repeated &= (
+            changes[max(length, 3) - 1 :] - changes[: len(repeated)] >= (max(length, 3) - 1) / 2
+        )  # a flat course is none
+        repeated &= ~np.any([still[k : len(still) - max(length, 3) + 1 + k] for k in (0, max(length, 3) - 1)], axis=0)
+        if repeated.any():
+            rows = np.unique(np.flatnonzero(repeated)[:, None] + np.arange(max(length, 3)))
             yield finding(sheet, "duplicated", name, rows, "a block of rows that was there before, to the last bit")

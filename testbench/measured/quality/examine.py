@@ -29,14 +29,14 @@ NOISE = (interpolated, quantised, spikes)  # these say nothing of columns that a
 
 def examine(sheets):
     """Findings about `Sheet`s of one part; one without a signal, such as a sweep of one port, has none."""
-    found, sheets = [], [sheet for sheet in sheets if sheet.of(SIGNAL)]
+    findings, sheets = [], [sheet for sheet in sheets if sheet.columns_by_role(SIGNAL)]
     for sheet in sheets:
         meaning = [f for check in MEANING for f in check.check(sheet)]
         sound = not any(f.kind in ("swapped", "reversed") for f in meaning)
-        found += meaning + [f for check in (*ROWS, *(NOISE if sound else ())) for f in check.check(sheet)]
-    if not any(f.kind in ("swapped", "unit", "reversed") for f in found):
-        found += drift.check(sheets)
-    return tuple(sorted(found, key=lambda f: f.action != REFUSE))
+        findings += meaning + [f for check in (*ROWS, *(NOISE if sound else ())) for f in check.check(sheet)]
+    if not any(f.kind in ("swapped", "unit", "reversed") for f in findings):
+        findings += drift.check(sheets)
+    return tuple(sorted(findings, key=lambda f: f.action != REFUSE))
 
 
 def refused(findings, option=""):

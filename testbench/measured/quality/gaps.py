@@ -17,7 +17,7 @@ ALIKE, MOST = 0.2, 0.9  # steps within 20 % of the median: 90 % of them at least
 
 def check(sheet):
     """Findings about the axis of a sheet, or about input and output."""
-    for c in sheet.of(AXIS):
+    for c in sheet.columns_by_role(AXIS):
         step = np.diff(c.values)
         usual = np.median(step)
         slack = ALIKE * usual + 1.01 * c.resolution
@@ -37,10 +37,10 @@ def _torn(sheet):
     u, y = (sheet.column(n).values for n in ("input", "output"))
     lags = [np.roll(y, k) for k in range(1, PAST + 1)] + [np.roll(u, k) for k in range(PAST)]
     a = np.column_stack(lags)[PAST:]
-    rest = np.zeros(sheet.rows)
-    rest[PAST:] = y[PAST:] - a @ np.linalg.lstsq(a, y[PAST:], rcond=1e-12)[0]
-    torn = np.abs(rest) > TORN * largest_expected(sheet.rows) * running_scale(rest)
-    places = np.flatnonzero(torn)
-    if len(places) and 1 + np.count_nonzero(np.diff(places) > PAST) <= FEW:
+    residual = np.zeros(sheet.rows)
+    residual[PAST:] = y[PAST:] - a @ np.linalg.lstsq(a, y[PAST:], rcond=1e-12)[0]
+    torn = np.abs(residual) > TORN * largest_expected(sheet.rows) * running_scale(residual)
+    torn_rows = np.flatnonzero(torn)
+    if len(torn_rows) and 1 + np.count_nonzero(np.diff(torn_rows) > PAST) <= FEW:
         words = "the output does not follow from the past of both signals: rows are missing there"
-        yield finding(sheet, "gap", "input, output", places, words)
+        yield finding(sheet, "gap", "input, output", torn_rows, words)

@@ -56,7 +56,7 @@ class Sheet(NamedTuple):
     def rows(self):
         return len(self.columns[0].values)
 
-    def of(self, *roles):
+    def columns_by_role(self, *roles):
         """Columns of these roles."""
         return [c for c in self.columns if c.role in roles]
 
@@ -68,6 +68,6 @@ class Sheet(NamedTuple):
         """Values in the order in which neighbours belong together."""
         return v if self.order is None else v[self.order]
 
-    def at(self, rows):
+    def file_rows(self, rows):
         """Rows of the file behind rows of `ordered`."""
         return np.asarray(rows) if self.order is None else self.order[rows]

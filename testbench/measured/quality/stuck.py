@@ -40,8 +40,8 @@ def flat_rows(v):
         most = grid * (0.5 + away + 8 * (length / 2 + away) / np.maximum(length - 1, 1) ** 2)
         out &= np.maximum(step[BESIDE + first - away], step[BESIDE + first + length - 2 + away]) <= most
     joined = np.concatenate([[False], step[BESIDE + first[1:] - 1] <= 1.5 * grid, [False]])  # to the level before
-    beside = np.maximum(joined[:-1] * np.roll(length, 1), joined[1:] * np.roll(length, -1))
-    return np.repeat(out | (LEVEL * beside >= length), length)
+    neighbour_length = np.maximum(joined[:-1] * np.roll(length, 1), joined[1:] * np.roll(length, -1))
+    return np.repeat(out | (LEVEL * neighbour_length >= length), length)
 
 
 def stuck_rows(v):
@@ -61,7 +61,7 @@ def stuck_rows(v):
 
 def check(sheet):
     """Findings about the signals of a sheet; equal values at the extreme are the business of `clipped`."""
-    for c in sheet.of(SIGNAL):
+    for c in sheet.columns_by_role(SIGNAL):
         v = c.unwrapped
         mask = stuck_rows(v) & (v != v.max()) & (v != v.min())
         if mask.any():

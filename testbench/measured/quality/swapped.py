@@ -17,15 +17,15 @@ COHERENT = 0.7
 PASSIVE_DB = 40.0
 
 
-def _meters(sheet):
-    (source,) = sheet.of(SETTING)
+def _swapped_meters(sheet):
+    (source,) = sheet.columns_by_role(SETTING)
     step = grid_step(source.values)
-    for c in sheet.of(SIGNAL):
+    for c in sheet.columns_by_role(SIGNAL):
         other = grid_step(c.values)
         if step < MEASURED * np.ptp(source.values) and step < 0.11 * other:
             words = f"{source.name} is given in steps of {step:.3g} V, {c.name} in {other:.3g}: the source was measured"
             yield finding(sheet, "swapped", f"{source.name}, {c.name}", None, words)
-        follows = [e.name for e in sheet.of(SLOW) if _alike(e.values, source.values) > 0.999]
+        follows = [e.name for e in sheet.columns_by_role(SLOW) if _alike(e.values, source.values) > 0.999]
         if follows and _alike(c.values, source.values) < 0.9:
             words = f"{follows[0]} follows the source, {c.name} does not"
             yield finding(sheet, "swapped", f"{follows[0]}, {c.name}", None, words)
@@ -58,7 +58,7 @@ def _resonates(u, y):
     return high < 0.5 * low and np.max(h[at]) > 1.4 * low
 
 
-def _driven(sheet):
+def _swapped_driven(sheet):
     u, y = (sheet.column(n).values for n in ("input", "output"))
     if _resonates(y, u) and not _resonates(u, y):
         words = "the output drives the input: that gain has a peak and falls beyond it, the other one rises"
@@ -69,7 +69,7 @@ def _peak(v):
     return (np.max(v) - np.median(v)) / max(np.median(v), 1e-300)
 
 
-def _sweep(sheet):
+def _swapped_sweep(sheet):
     s21, s11 = (sheet.column(n) for n in ("s21", "s11"))
     if np.max(s21.values) > PASSIVE_DB:
         words = f"decibels up to {np.max(s21.values):.3g}: angles, or a gain of no passive part"
@@ -80,7 +80,7 @@ def _sweep(sheet):
             yield finding(sheet, "swapped", "s11, s21", None, "s11 has the peak of a transmission, s21 has none")
 
 
-RULES = {"meters": _meters, "driven": _driven, "sweep": _sweep}
+RULES = {"meters": _swapped_meters, "driven": _swapped_driven, "sweep": _swapped_sweep}
 
 
 def check(sheet):

@@ -11,7 +11,7 @@ rest         full scale of a 16-bit word beyond any gyroscope
 import numpy as np
 
 from testbench.measured.quality.finding import REPORT, finding
-from testbench.measured.quality.rows.series import beside
+from testbench.measured.quality.rows.series import neighbour_residual
 from testbench.measured.quality.sheet import SETTING, SIGNAL, SLOW
 
 FACTORS = {
@@ -32,14 +32,14 @@ LEAST = 1e-3  # of the largest power: positive decibels do not come so near to 0
 FULL_SCALE_DEG_S = (1.0, 1e5)  # of 2^15 counts
 
 
-def factor_of(ratio):
+def factor_words(ratio):
     """Words of the factor that a ratio is near to, or ""."""
     if not (np.isfinite(ratio) and ratio > 0):
         return ""
     return next((words for f, words in FACTORS.items() if abs(np.log(ratio / f)) < NEAR), "")
 
 
-def beyond(sheet):
+def limit_findings(sheet):
     """Findings about columns that leave their limits."""
     for c in sheet.columns:
         low, high = c.limits
@@ -50,23 +50,23 @@ def beyond(sheet):
             yield finding(sheet, "unit", c.name, out, words)
 
 
-def _meters(sheet):
-    (source,) = sheet.of(SETTING)
-    for c in sheet.of(SIGNAL):
+def _meter_units(sheet):
+    (source,) = sheet.columns_by_role(SETTING)
+    for c in sheet.columns_by_role(SIGNAL):
         slope = abs(np.polyfit(source.values, c.values, 1)[0])
-        words = factor_of(slope)
+        words = factor_words(slope)
         if words:
             text = f"readings are {slope:.4g} times their source: a factor of {words} in the unit of one of them"
             yield finding(sheet, "unit", c.name, None, text)
             continue
         spread = sheet.column(f"spread of {c.name}")
         if spread is not None and np.median(spread.values) > 0:
-            noise = np.quantile(np.abs(beside(sheet.ordered(c.course))), 0.9) / 1.645
+            noise = np.quantile(np.abs(neighbour_residual(sheet.ordered(c.course))), 0.9) / 1.645
             ratio = np.median(spread.values) / max(noise, 1e-300)
             if not 1 / 300 < ratio < 300:
                 text = f"spread is {ratio:.3g} times the noise of the readings: not in V"
                 yield finding(sheet, "unit", spread.name, None, text)
-    for c in sheet.of(SLOW):
+    for c in sheet.columns_by_role(SLOW):
         if "temp" in c.name.lower() and 200 < np.median(c.values) < 420:
             yield finding(sheet, "unit", c.name, None, "kelvin: only differences are used", REPORT)
 
@@ -86,30 +86,30 @@ def _not_logarithm(sheet):
         yield finding(sheet, "unit", "power", None, f"positive, {p.min():.2g} .. {p.max():.2g}: a power, not dBm")
 
 
-def _ringdown(sheet):
+def _ringdown_units(sheet):
     yield from _not_logarithm(sheet)
     f, q = sheet.stated.get("frequency_hz", np.nan), sheet.stated.get("quality", np.nan)
     rate = decay_rate(sheet.column("time").values, sheet.column("power").values)
     if not (f > 0 and rate > 0):
         return
-    found = 2 * np.pi * f / rate
-    if q > 0 and not 1 / FAR_OFF < found / q < FAR_OFF:
-        words = f"the decay is that of a quality of {found:.3g}, the head says {q:.3g}"
+    quality = 2 * np.pi * f / rate
+    if q > 0 and not 1 / FAR_OFF < quality / q < FAR_OFF:
+        words = f"the decay is that of a quality of {quality:.3g}, the head says {q:.3g}"
         yield finding(sheet, "unit", "time", None, words + ": time or frequency in another unit")
-    elif found > MOST_Q:
-        words = f"the decay is that of a quality of {found:.3g}, above {MOST_Q:g}: time or frequency in another unit"
+    elif quality > MOST_Q:
+        words = f"the decay is that of a quality of {quality:.3g}, above {MOST_Q:g}: time or frequency in another unit"
         yield finding(sheet, "unit", "time", None, words)
 
 
 def _spectrum(sheet):
     yield from _not_logarithm(sheet)
     f, x = sheet.stated.get("frequency_hz", np.nan), sheet.column("frequency").values
-    words = factor_of(f / np.mean(x)) if f > 0 else ""
+    words = factor_words(f / np.mean(x)) if f > 0 else ""
     if words:
         yield finding(sheet, "unit", "frequency", None, f"the head's frequency is {words} times that of the rows")
 
 
-def _sweep(sheet):
+def _sweep_units(sheet):
     angle, size = sheet.column("s21 angle").values, sheet.column("s21").values
     if np.max(np.abs(angle)) < 3.15 < 100 * np.ptp(angle) and np.max(np.abs(angle)) > 1.5:
         yield finding(sheet, "unit", "s21 angle", None, "never leaves -pi .. pi: radians under a head of degrees")
@@ -117,7 +117,7 @@ def _sweep(sheet):
         yield finding(sheet, "unit", "s21", None, "all between 0 and 1: magnitudes under a head of decibels")
 
 
-def _rest(sheet):
+def _stationary_units(sheet):
     full = 2**15 * sheet.stated["lsb_deg_per_s"]
     low, high = FULL_SCALE_DEG_S
     if not low <= full <= high:
@@ -125,12 +125,18 @@ def _rest(sheet):
         yield finding(sheet, "unit", "lsb", None, words)
 
 
-RULES = {"meters": _meters, "ringdown": _ringdown, "spectrum": _spectrum, "sweep": _sweep, "rest": _rest}
+RULES = {
+    "meters": _meter_units,
+    "ringdown": _ringdown_units,
+    "spectrum": _spectrum,
+    "sweep": _sweep_units,
+    "rest": _stationary_units,
+}
 
 
 def check(sheet):
     """Findings about a sheet."""
-    found = list(beyond(sheet))
+    found = list(limit_findings(sheet))
     if not found and sheet.kind in RULES:
         found += RULES[sheet.kind](sheet)
     return found

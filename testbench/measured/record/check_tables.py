@@ -17,13 +17,13 @@ FOREIGN = "the firmware is another one, R0 and R2 are skipped"
 
 def span_edges(record):
     """Edges from the record's first to behind its last."""
-    return schema.frames_of(record) * FRAME_CYCLES
+    return schema.frame_count(record) * FRAME_CYCLES
 
 
-def known_tables(record):
-    if not schema.known_map(record):
-        found = f"expected regmap_sha256 {schema.regmap_sha256()}, found {record.attrs['regmap_sha256']}"
-        yield Finding("R11", "/", f"{found}: {FOREIGN}", DOWNGRADED)
+def identities(record):
+    if not schema.has_supported_map(record):
+        mismatch = f"expected regmap_sha256 {schema.regmap_sha256()}, found {record.attrs['regmap_sha256']}"
+        yield Finding("R11", "/", f"{mismatch}: {FOREIGN}", DOWNGRADED)
     stated = record.attrs["bitstream_sha256"]
     if len(stated) != 64 or set(stated) - HEX:
         yield Finding("R11", "/", f"expected bitstream_sha256 of 64 digits, found {stated!r}")
@@ -36,9 +36,9 @@ def known_tables(record):
         from testbench.run import build
 
         firmware = build.firmware(config)
-        known = schema.bitstream_sha256(firmware)
-        if stated not in (known, schema.bitstream_sha256(firmware, schema.ADDED_PARAMETERS)):
-            yield Finding("R11", "/", f"expected bitstream_sha256 {known} of its [firmware], found {stated}")
+        firmware_sha256 = schema.bitstream_sha256(firmware)
+        if stated not in (firmware_sha256, schema.bitstream_sha256(firmware, schema.ADDED_PARAMETERS)):
+            yield Finding("R11", "/", f"expected bitstream_sha256 {firmware_sha256} of its [firmware], found {stated}")
 
 
 def stated_config(record):
@@ -54,14 +54,14 @@ def stated_config(record):
 
 def log(record):
     table = record.tables["registers"]
-    if not schema.known_map(record):
+    if not schema.has_supported_map(record):
         return
     for k, (name, addr, raw) in enumerate(schema.rows(table, "name", "addr", "raw")):
-        known = registers.BY_NAME.get(name)
-        if known is None or known.access == "ro" or known.address != addr:
+        register = registers.BY_NAME.get(name)
+        if register is None or register.access == "ro" or register.address != addr:
             yield Finding("R11", "/registers", f"expected a writable register, found {name} at {addr} in row {k}")
-        elif not known.fmt.holds(raw):
-            text = f"expected {known.fmt.lo} .. {known.fmt.hi}, found {raw} in row {k}"
+        elif not register.fmt.holds(raw):
+            text = f"expected {register.fmt.lo} .. {register.fmt.hi}, found {raw} in row {k}"
             yield Finding("R04", f"/registers/{name}", text)
 
 
@@ -98,14 +98,14 @@ def repeats(record):
 
 def priors(record):
     table = record.tables["priors"]
-    wanted = [name.strip() for name in record.attrs["nuisances"].split(",") if name.strip()]
-    for name in wanted:
+    declared = [name.strip() for name in record.attrs["nuisances"].split(",") if name.strip()]
+    for name in declared:
         if name not in table["param"].data.tolist():
             yield Finding("R17", f"/priors/{name}", "expected a prior of a declared nuisance, found none")
     for name, dist, sd in schema.rows(table, "param", "dist", "sd"):
         if dist not in schema.DISTRIBUTIONS:
-            found = f"expected {', '.join(schema.DISTRIBUTIONS)}, found {dist}"
-            yield Finding("R17", f"/priors/{name}", found)
+            mismatch = f"expected {', '.join(schema.DISTRIBUTIONS)}, found {dist}"
+            yield Finding("R17", f"/priors/{name}", mismatch)
         if not sd > 0:
             yield Finding("R19", f"/priors/{name}", f"expected sd above 0, found {sd:g}")
 
@@ -118,7 +118,7 @@ def counters(record):
         if name.partition("/")[2] not in schema.COUNTER_PAIRS:
             yield Finding("R02", f"/{name}", f"expected one of {', '.join(schema.COUNTER_PAIRS)}, found another pair")
             continue
-        missing = [key for key in schema.columns_of(name) if key not in table]
+        missing = [key for key in schema.table_columns(name) if key not in table]
         for key in missing:
             rule = "R18" if key == "edge" else "R02"
             yield Finding(rule, f"/{name}/{key}", "expected a column, found nothing")

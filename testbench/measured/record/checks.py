@@ -22,18 +22,20 @@ TURN = 1 << 48
 
 def check(record):
     """Findings about a `testbench.storage.record.Record`, in the order of the rules."""
-    found = []
+    findings = []
     try:
         for rule in RULES:
             # each rule may rely on what the ones before it have found in order
-            if any(f.level == schema.REFUSED for f in found) and rule in LATE:
+            if any(f.level == schema.REFUSED for f in findings) and rule in LATE:
                 continue
-            found += rule(record)
-        if not any(f.level == schema.REFUSED for f in found):
-            found += [f for rule in MEANING for f in rule(record)]
+            findings += rule(record)
+        if not any(f.level == schema.REFUSED for f in findings):
+            findings += [f for rule in MEANING for f in rule(record)]
     except (ValueError, TypeError, OverflowError, KeyError, RecursionError) as problem:
-        found.append(Finding("R01", "/", f"expected a complete record, found damage: {' '.join(str(problem).split())}"))
-    return found
+        findings.append(
+            Finding("R01", "/", f"expected a complete record, found damage: {' '.join(str(problem).split())}")
+        )
+    return findings
 
 
 def _complete(record):
@@ -69,21 +71,21 @@ def _columns(record, name, columns):
 
 def _units(record):
     for name, column in record.streams.items():
-        wanted = schema.STREAMS.get(name)
-        if wanted and column.unit != wanted.unit:
-            yield Finding("R03", f"/streams/{name}", f"expected unit {wanted.unit}, found {column.unit}")
+        reference = schema.STREAMS.get(name)
+        if reference and column.unit != reference.unit:
+            yield Finding("R03", f"/streams/{name}", f"expected unit {reference.unit}, found {column.unit}")
     for name, table in record.tables.items():
         for key, column in table.items():
-            wanted = "edge" if key.startswith("edge") else schema.columns_of(name).get(key)
-            if wanted not in (None, "", "1", column.unit) and column.data.dtype.kind != "U":
+            reference = "edge" if key.startswith("edge") else schema.table_columns(name).get(key)
+            if reference not in (None, "", "1", column.unit) and column.data.dtype.kind != "U":
                 rule = "R18" if name.startswith("counter/") and key == "edge" else "R03"
-                yield Finding(rule, f"/{name}/{key}", f"expected unit {wanted}, found {column.unit}")
+                yield Finding(rule, f"/{name}/{key}", f"expected unit {reference}, found {column.unit}")
 
 
 def _codes(record):
     for name, column in record.streams.items():
-        wanted = schema.STREAMS.get(name)
-        if wanted is None:
+        reference = schema.STREAMS.get(name)
+        if reference is None:
             yield Finding("R02", f"/streams/{name}", "expected a stream of the schema, found another name")
             continue
         path = f"/streams/{name}"
@@ -91,8 +93,8 @@ def _codes(record):
             yield Finding("R20", path, f"expected integer codes, found {column.data.dtype}")
             continue
         bits, signed = column.attrs.get("bits"), column.attrs.get("twos_comp")
-        if (bits, signed) != (wanted.bits, int(wanted.signed)):
-            text = f"expected bits = {wanted.bits}, twos_comp = {int(wanted.signed)}, found {bits}, {signed}"
+        if (bits, signed) != (reference.bits, int(reference.signed)):
+            text = f"expected bits = {reference.bits}, twos_comp = {int(reference.signed)}, found {bits}, {signed}"
             yield Finding("R04", path, text)
             continue
         lo, hi = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
@@ -100,7 +102,7 @@ def _codes(record):
             yield Finding(
                 "R04", path, f"expected codes within {lo} .. {hi}, found {column.data.min()} .. {column.data.max()}"
             )
-        volts = column.attrs.get("tap") in ("adc", "dac") and wanted.unit == "code"
+        volts = column.attrs.get("tap") in ("adc", "dac") and reference.unit == "code"
         unc = column.attrs.get("lsb_V_unc")
         if volts and not (isinstance(unc, (int, float)) and math.isfinite(unc) and unc > 0):
             yield Finding("R19", path, f"expected lsb_V_unc above 0 V, found {unc}")
@@ -109,7 +111,7 @@ def _codes(record):
             yield Finding("R02", path, f"expected lsb_V above 0 V, found {size}")
 
 
-def _finite(record):
+def _finite_values(record):
     for name, table in record.tables.items():
         for key, column in table.items():
             if column.data.dtype.kind == "f" and not np.isfinite(column.data).all():
@@ -121,7 +123,7 @@ def _finite(record):
 def _rates(record):
     if record.clock_hz != MASTER_HZ:
         yield Finding("R08", "/clock", f"expected f_xtal_nominal_Hz {MASTER_HZ}, found {record.clock_hz}")
-    frames = schema.frames_of(record)
+    frames = schema.frame_count(record)
     adc_edge = record.streams["adc_xI"].edge0
     if not 0 < adc_edge < FRAME_CYCLES:
         yield Finding("R08", "/streams/adc_xI", f"expected edge0 within 1 .. {FRAME_CYCLES - 1}, found {adc_edge}")
@@ -129,8 +131,8 @@ def _rates(record):
         path, rate = f"/streams/{name}", (column.num, column.den)
         is_dac = name in schema.TICKED
         if rate != PER_FRAME and not (is_dac and rate == PER_TICK):
-            wanted = "1/3250 or 1/26" if is_dac else "1/3250"
-            yield Finding("R08", path, f"expected rate {wanted} of the clock, found {column.num}/{column.den}")
+            rates_text = "1/3250 or 1/26" if is_dac else "1/3250"
+            yield Finding("R08", path, f"expected rate {rates_text} of the clock, found {column.num}/{column.den}")
             continue
         edge0 = adc_edge if name.startswith("adc_") else (PER_TICK[1] if rate == PER_TICK else 0)
         if column.edge0 != edge0:
@@ -218,7 +220,7 @@ LATE = (
     _ordered,
     _gaps,
     _alive,
-    check_tables.known_tables,
+    check_tables.identities,
     check_tables.log,
     check_tables.segments,
     check_tables.repeats,
@@ -226,6 +228,6 @@ LATE = (
     check_tables.counters,
     check_tables.uncertain,
 )
-RULES = (_complete, _units, _codes, _finite, *LATE)
+RULES = (_complete, _units, _codes, _finite_values, *LATE)
 # Rules about what a record of sound form says; none relies on another
 MEANING = (*meaning_segments.RULES, *meaning_streams.RULES, *meaning_scales.RULES)

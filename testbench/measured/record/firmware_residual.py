@@ -22,7 +22,7 @@ from fpga_model.rates import FRAME_CYCLES, FRAME_TICKS, TICK_CYCLES
 from testbench import flatten
 from testbench.engines.turn import Turn
 from testbench.measured.record import check_tables, replay, schema
-from testbench.measured.record.sessions import seen_rows, sessions, stimulus
+from testbench.measured.record.sessions import received_rows, sessions, stimulus
 from testbench.run import build
 
 BLOCK_FRAMES = 400_000
@@ -101,14 +101,14 @@ class Residual:
 
 def unreplayable(record, config):
     """Why the firmware cannot be replayed, or ""."""
-    if not schema.known_map(record):
+    if not schema.has_supported_map(record):
         return f"skipped, regmap_sha256 {record.attrs['regmap_sha256'][:16]} is not this version's: another firmware"
     if config.firmware.board != "analog_sid":
         return "firmware.board = digital_sid, whose samples a record does not hold"
     for session in sessions(record):
         if not session.powered and _initial(record) is None:
             return f"frame {session.first} is no power-on, and /initial does not name every register"
-        _, lost = seen_rows(record, session)
+        _, lost = received_rows(record, session)
         if lost.any():
             row = int(np.flatnonzero(lost)[0]) + session.first
             return f"codes of frame {row} are lost in a gap"
@@ -148,10 +148,10 @@ def started(row):
     """`replay.Side` at edge 0 from the values of `initial_names`."""
     s = replay.power_on()
     c = flatten.rebuild(s.w.control, row)
-    rest, count = row[len(flatten.names(c)) :], len(registers.State._fields)
-    bank, dog = registers.State(*rest[:count]), watchdog.State(*rest[count:-1])
+    tail, count = row[len(flatten.names(c)) :], len(registers.State._fields)
+    bank, dog = registers.State(*tail[:count]), watchdog.State(*tail[count:-1])
     word = c.frequency_tracker.word
-    turn = Turn(0, rest[-1], word, word, 0, word, DEFAULT.dds_bits)
+    turn = Turn(0, tail[-1], word, word, 0, word, DEFAULT.dds_bits)
     return s._replace(w=s.w._replace(control=c, bank=bank, dog=dog, turn=turn))
 
 
@@ -168,12 +168,12 @@ def residual(record, progress=None, firmware=None):
         why = "adc_ok is not recorded"
     if not why and not streams:
         why = "no word is recorded"
-    left_out = {}
+    skipped = {}
     if "adc_temperature" not in record.streams and "rate_output" in streams:
-        left_out["rate_output"] = "adc_temperature is not recorded"
+        skipped["rate_output"] = "adc_temperature is not recorded"
         streams.remove("rate_output")
-    frames = schema.frames_of(record)
-    out = Residual(tuple(streams), left_out, why, frames, {}, None, 0.0)
+    frames = schema.frame_count(record)
+    out = Residual(tuple(streams), skipped, why, frames, {}, None, 0.0)
     if why:
         return out
     p = firmware or build.firmware(config)
@@ -184,21 +184,21 @@ def residual(record, progress=None, firmware=None):
     return out
 
 
-def explanation(record, found):
+def explanation(record, difference):
     """What makes the firmware the model's again, if one mistake in the ADC streams does: two of them exchanged, one
     negated, one a row off; "" else. It is judged up to MORE_FRAMES behind the first difference.
     """
-    if not found.decidable or found.first is None:
+    if not difference.decidable or difference.first is None:
         return ""
-    frame = found.first.edge // FRAME_CYCLES
+    frame = difference.first.edge // FRAME_CYCLES
     session = next(s for s in sessions(record) if s.first <= frame < s.first + s.frames)
     session = session._replace(frames=min(session.frames, frame - session.first + MORE_FRAMES))
     p = build.firmware(check_tables.stated_config(record))
     for text, changed in _mistakes({name: record.streams[name].data for name in schema.ADC}):
         streams = {name: record.streams[name]._replace(data=data) for name, data in changed.items()}
         other = dataclasses.replace(record, streams=record.streams | streams)
-        out = Residual(found.compared, {}, "", 0, {}, None, 0.0)
-        frames = [name for name in found.compared if record.streams[name].den == FRAME_CYCLES]
+        out = Residual(difference.compared, {}, "", 0, {}, None, 0.0)
+        frames = [name for name in difference.compared if record.streams[name].den == FRAME_CYCLES]
         _session(other, session, p, frames, [], out, None)
         if out.first is None:
             return text
@@ -217,21 +217,21 @@ def _mistakes(codes):
 
 def _session(record, session, p, streams, ticked, out, progress):
     """Replay one session block by block and compare; adds to `out`."""
-    for done, n, o in blocks(record, session, p, bool(ticked)):
-        _compare(record, session, done, n, o, streams, ticked, out)
+    for start, n, o in replay_blocks(record, session, p, bool(ticked)):
+        _compare_block(record, session, start, n, o, streams, ticked, out)
         if progress:
-            progress("firmware replay", session.first + done + n, out.frames)
+            progress("firmware replay", session.first + start + n, out.frames)
 
 
-def blocks(record, session, p, ticked=False):
+def replay_blocks(record, session, p, ticked=False):
     """Yield (frames before, frames, `replay.Rows`) of a session, block by block; with DAC codes of ticks if asked."""
     x, order = stimulus(record, session), replay.order(p)
     s = replay.power_on() if session.powered else _initial(record)
     tail = np.zeros((LATE_TICKS, 2), np.int64)
     last = np.zeros(len(replay.WORDS), np.int64)
-    done, most = 0, TICK_BLOCK_FRAMES if ticked else BLOCK_FRAMES
-    while done < session.frames:
-        n = min(most, session.frames - done)
+    start, most = 0, TICK_BLOCK_FRAMES if ticked else BLOCK_FRAMES
+    while start < session.frames:
+        n = min(most, session.frames - start)
         o = replay.rows(n, ticks=FRAME_TICKS * n + LATE_TICKS if ticked else 0)
         # codes decided at the end of a block belong to the first rows of the next one
         o.words[0] = last
@@ -241,31 +241,31 @@ def blocks(record, session, p, ticked=False):
         last = o.words[-1].copy()
         if ticked:
             tail = o.codes[-LATE_TICKS:].copy()
-        yield done, n, o
-        done += n
+        yield start, n, o
+        start += n
 
 
-def _compare(record, session, done, n, o, streams, ticked, out):
-    first = session.first + done
-    found = []
+def _compare_block(record, session, start, n, o, streams, ticked, out):
+    first = session.first + start
+    differences = []
     for name in streams:
         if name in ticked:
             have = record.streams[name].data[FRAME_TICKS * first : FRAME_TICKS * (first + n)]
-            wanted, cycles = o.codes[: FRAME_TICKS * n, 0 if name == "dac_drv" else 1], TICK_CYCLES
+            predicted, cycles = o.codes[: FRAME_TICKS * n, 0 if name == "dac_drv" else 1], TICK_CYCLES
         else:
             have, cycles = record.streams[name].data[first : first + n], FRAME_CYCLES
-            wanted = o.words[:n, replay.WORDS.index(schema.REPLAYED[name])]
-        wrong = have != wanted
-        if name in schema.DAC and done == 0:
+            predicted = o.words[:n, replay.WORDS.index(schema.REPLAYED[name])]
+        wrong = have != predicted
+        if name in schema.DAC and start == 0:
             wrong[: UNKNOWN_TICKS if name in ticked and not session.powered else int(name not in ticked)] = False
         count = int(wrong.sum())
         if count:
             out.differing[name] = out.differing.get(name, 0) + count
             row = int(np.flatnonzero(wrong)[0])
             edge = FRAME_CYCLES * first + cycles * row + (TICK_CYCLES if cycles == TICK_CYCLES else 0)
-            found.append((edge, name, int(have[row]), int(wanted[row])))
-    if found and out.first is None:
-        edge = min(item[0] for item in found)
-        (_, name, recorded, replayed), *others = [item for item in found if item[0] == edge]
-        also = tuple(REGISTERS[item[1]] for item in others)
+            differences.append((edge, name, int(have[row]), int(predicted[row])))
+    if differences and out.first is None:
+        edge = min(item[0] for item in differences)
+        (_, name, recorded, replayed), *simultaneous = [item for item in differences if item[0] == edge]
+        also = tuple(REGISTERS[item[1]] for item in simultaneous)
         out.first = First(name, REGISTERS[name], edge, edge // TICK_CYCLES, recorded, replayed, also)

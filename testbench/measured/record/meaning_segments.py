@@ -49,11 +49,11 @@ class Stated:
         """Row that holds just before an edge; -1: none."""
         return int(np.searchsorted(self.edges, edge, side="left")) - 1
 
-    def within(self, a, b):
+    def rows_between(self, a, b):
         """Rows that hold in edges a .. b - 1; what is stated within the first frame holds from its beginning."""
         return range(max(0, self.row(a + FRAME_CYCLES)), self.row(b) + 1)
 
-    def spread(self, rows):
+    def value_range(self, rows):
         """Largest less smallest value of rows."""
         values = self.values[rows.start : rows.stop]
         return float(np.ptp(values)) if len(values) else 0.0
@@ -81,21 +81,21 @@ def bank(record, edge):
 
     {} if its beginning is not stated, or its map is not this version's.
     """
-    if not schema.known_map(record):
+    if not schema.has_supported_map(record):
         return {}
     session = [s for s in sessions(record) if FRAME_CYCLES * s.first < edge or s.first == 0][-1]
     begin = FRAME_CYCLES * session.first
     if session.powered:
-        held = {name: (raw, f"{name} at reset") for name, raw in registers.State()._asdict().items()}
+        register_values = {name: (raw, f"{name} at reset") for name, raw in registers.State()._asdict().items()}
     elif "initial" in record.tables:
         rows = schema.rows(record.tables["initial"], "name", "raw")
-        held = {name.removeprefix("registers."): (raw, f"/initial {name}") for name, raw in rows}
+        register_values = {name.removeprefix("registers."): (raw, f"/initial {name}") for name, raw in rows}
     else:
         return {}
     for k, (at, name, raw) in enumerate(schema.rows(record.tables["registers"], "edge", "name", "raw")):
         if begin <= at < edge:
-            held[name] = (raw, f"/registers row {k}")
-    return held
+            register_values[name] = (raw, f"/registers row {k}")
+    return register_values
 
 
 def setpoints(record):
@@ -108,10 +108,10 @@ def setpoints(record):
         if s["kind"] in VARYING:
             continue
 
-        def differs(column, unit, source, wanted, limit, k=k, s=s):
-            text = f"expected {wanted:.6g} {unit} of {source} within {limit:.2g} {unit}"
-            found = f"found {s[column]:.6g} {unit} in row {k}"
-            return Finding("R21", f"/segments/{s['id']}/{column}", f"{text}, {found}", level(s["role"]))
+        def differs(column, unit, source, target, limit, k=k, s=s):
+            text = f"expected {target:.6g} {unit} of {source} within {limit:.2g} {unit}"
+            observed = f"found {s[column]:.6g} {unit} in row {k}"
+            return Finding("R21", f"/segments/{s['id']}/{column}", f"{text}, {observed}", level(s["role"]))
 
         for stated, column, unit, limit_of in (
             (rate, "rate_set", "deg/s", rate_limit),
@@ -120,20 +120,20 @@ def setpoints(record):
             row = stated.row(s["edge_b"])
             if row < 0 or stated.edges[0] > s["edge_a"]:
                 text = f"expected a row at edge {s['edge_a']} or before, where segment {s['id']} of row {k} begins"
-                found = f"found the first at {stated.edges[0]} in row 0" if len(stated.edges) else "found none"
-                yield Finding("R21", stated.path, f"{text}, {found}", level(s["role"]))
+                observed = f"found the first at {stated.edges[0]} in row 0" if len(stated.edges) else "found none"
+                yield Finding("R21", stated.path, f"{text}, {observed}", level(s["role"]))
                 continue
             limit = limit_of(stated, row)
             if abs(s[column] - stated.values[row]) > limit:
                 yield differs(column, unit, f"{stated.path} row {row}", stated.values[row], limit)
-        held = bank(record, s["edge_b"])
-        if "amplitude_setpoint" in held:
-            raw, source = held["amplitude_setpoint"]
+        register_values = bank(record, s["edge_b"])
+        if "amplitude_setpoint" in register_values:
+            raw, source = register_values["amplitude_setpoint"]
             a_um = raw / lsb_per_um
             if abs(s["a_set"] - a_um) > AMPLITUDE_SHARE * a_um:
                 yield differs("a_set", "um", source, a_um, AMPLITUDE_SHARE * a_um)
-        if "phase_drive_sine" in held:
-            raw, source = held["phase_drive_sine"]
+        if "phase_drive_sine" in register_values:
+            raw, source = register_values["phase_drive_sine"]
             turns = (raw - config.firmware.phase_words()[0]) % TURN / TURN
             if abs(math.remainder(s["detune"] / 360 - turns, 1.0)) * 360 > DETUNE_DEG:
                 yield differs("detune", "deg", source, math.remainder(turns, 1.0) * 360, DETUNE_DEG)
@@ -147,8 +147,8 @@ def kinds(record):
     for k, s in segments(record):
         a, b, kind = s["edge_a"], s["edge_b"], s["kind"]
 
-        def wrong(expected, found, how=None, k=k, s=s):
-            text = f"expected {expected} in a {s['kind']}, found {found} in row {k}"
+        def wrong(expected, observed, how=None, k=k, s=s):
+            text = f"expected {expected} in a {s['kind']}, found {observed} in row {k}"
             return Finding("R22", f"/segments/{s['id']}/kind", text, how or level(s["role"]))
 
         inside = powered[(powered > a) & (powered < b)]
@@ -158,19 +158,19 @@ def kinds(record):
         elif kind != "startup" and len(inside):
             row = int(np.flatnonzero(powered == inside[0])[0])
             yield wrong("no power-on", f"edge {inside[0]} of /power_on row {row}")
-        rows = rate.within(a, b)
+        rows = rate.rows_between(a, b)
         if kind == "rate_step":
-            yield from _without_step(rate, rows, a, wrong)
-        elif kind in CONDITIONS and rows and rate.spread(rows) > max(rate_limit(rate, r) for r in rows):
-            text = f"{rate.spread(rows):.4g} deg/s of {rate.path} rows {rows[0]} to {rows[-1]}"
+            yield from _missing_step(rate, rows, a, wrong)
+        elif kind in CONDITIONS and rows and rate.value_range(rows) > max(rate_limit(rate, r) for r in rows):
+            text = f"{rate.value_range(rows):.4g} deg/s of {rate.path} rows {rows[0]} to {rows[-1]}"
             yield wrong(f"changes of rate below {max(rate_limit(rate, r) for r in rows):.2g} deg/s", text)
         if kind not in CONDITIONS:
             continue
-        rows = temperature.within(a, b)
-        if rows and temperature.spread(rows) > max(temp_limit(temperature, r) for r in rows):
-            text = f"{temperature.spread(rows):.4g} K of {temperature.path} rows {rows[0]} to {rows[-1]}"
+        rows = temperature.rows_between(a, b)
+        if rows and temperature.value_range(rows) > max(temp_limit(temperature, r) for r in rows):
+            text = f"{temperature.value_range(rows):.4g} K of {temperature.path} rows {rows[0]} to {rows[-1]}"
             yield wrong(f"changes of temperature below {temp_limit(temperature, rows[0]):.2g} K", text, WARNED)
-        yield from _log_within(record, s, wrong)
+        yield from _condition_writes(record, s, wrong)
         if state is not None and s["role"] != "none":
             first, last = -(-a // FRAME_CYCLES), b // FRAME_CYCLES
             lost = np.flatnonzero(state[first:last] != sequencer.LOCKED)
@@ -179,16 +179,16 @@ def kinds(record):
                 yield wrong(f"state {sequencer.LOCKED} (LOCKED)", text, WARNED)
 
 
-def _without_step(rate, rows, a, wrong):
+def _missing_step(rate, rows, a, wrong):
     """A step of the rate, or none."""
     rows = range(max(0, min(rate.row(a), rows.start)), rows.stop)
     least = min((rate_limit(rate, r) for r in rows), default=RATE_DPS)
-    if rate.spread(rows) <= least:
+    if rate.value_range(rows) <= least:
         where = f"{rate.path} rows {rows.start} to {rows.stop - 1}"
-        yield wrong(f"a step above {least:.2g} deg/s", f"{rate.spread(rows):.4g} deg/s of {where}")
+        yield wrong(f"a step above {least:.2g} deg/s", f"{rate.value_range(rows):.4g} deg/s of {where}")
 
 
-def _log_within(record, s, wrong):
+def _condition_writes(record, s, wrong):
     """Set-points that are written while a condition holds, and loops that a register has opened."""
     for row, (at, name) in enumerate(schema.rows(record.tables["registers"], "edge", "name")):
         if s["edge_a"] + FRAME_CYCLES <= at < s["edge_b"] and name in SETPOINTS:
@@ -209,8 +209,8 @@ def conditions(record):
             limit += AMPLITUDE_SHARE * abs(other[column]) if column in ("a_set", "rate_set") else 0.0
             if abs(s[column] - other[column]) > limit:
                 text = f"expected {other[column]:.6g} of row {j} in all of {s['repeat_group']}"
-                found = f"found {s[column]:.6g} in row {k}"
-                yield Finding("R23", f"/segments/{s['id']}/{column}", f"{text}, {found}", level(s["role"]))
+                observed = f"found {s[column]:.6g} in row {k}"
+                yield Finding("R23", f"/segments/{s['id']}/{column}", f"{text}, {observed}", level(s["role"]))
         if s["kind"] != other["kind"]:
             text = f"expected {other['kind']} of row {j} in all of {s['repeat_group']}, found {s['kind']} in row {k}"
             yield Finding("R23", f"/segments/{s['id']}/kind", text, level(s["role"]))

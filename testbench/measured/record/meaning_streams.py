@@ -18,7 +18,7 @@ from fpga_model.rates import FRAME_CYCLES
 from testbench.measured.record import check_tables, schema
 from testbench.measured.record.meaning_segments import BEYOND, CONDITIONS, Stated, bank, rate_limit, segments
 from testbench.measured.record.schema import REFUSED, WARNED, Finding
-from testbench.measured.record.sessions import UNSEEN, seen_rows, sessions
+from testbench.measured.record.sessions import UNSEEN, received_rows, sessions
 
 LEAST_FRAMES = 64  # of the half of a segment
 DRIVE_SHARE = 0.05  # of the set-point: what a lock of the amplitude loop may leave, several times
@@ -40,21 +40,21 @@ def halves(record):
     for k, s in segments(record):
         first, last = -(-s["edge_a"] // FRAME_CYCLES), s["edge_b"] // FRAME_CYCLES
         rows = slice((first + last) // 2, last)
-        held = state is None or (state[rows] == sequencer.LOCKED).all()
-        if s["kind"] in CONDITIONS and rows.stop - rows.start >= LEAST_FRAMES and held:
+        locked = state is None or (state[rows] == sequencer.LOCKED).all()
+        if s["kind"] in CONDITIONS and rows.stop - rows.start >= LEAST_FRAMES and locked:
             yield k, s, rows
 
 
 def drive(record):
     """R25."""
-    seen = set()
+    reported = set()
     for _, s, rows in halves(record):
         means = [record.streams[name].data[rows].mean() for name in ("adc_xI", "adc_xQ")]
         raw, source = bank(record, s["edge_b"]).get("amplitude_setpoint", (0, ""))
         loops = s["loops"].split()
         size, where = math.hypot(*means) * float(cordic.gain()), f"rows {rows.start} to {rows.stop - 1}"
-        if raw and "drv" in loops and abs(size - raw) > DRIVE_SHARE * raw and source not in seen:
-            seen.add(source)
+        if raw and "drv" in loops and abs(size - raw) > DRIVE_SHARE * raw and source not in reported:
+            reported.add(source)
             text = (
                 f"expected a magnitude of {raw} within {100 * DRIVE_SHARE:g} % by {source}, found {size:.0f} in {where}"
             )
@@ -77,9 +77,9 @@ def _force(record, rows):
     codes = column.data[rows.start * step : rows.stop * step : step].astype(float)
     angle = record.streams["nco_pword"].data[rows] * (2 * np.pi / 2**48)
     waves = np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    found = np.linalg.lstsq(waves, codes, rcond=None)[0]
+    coefficients = np.linalg.lstsq(waves, codes, rcond=None)[0]
     # the code lags the phase by a few us, less than a quarter turn
-    return math.copysign(math.hypot(*found), found[0]) * 16
+    return math.copysign(math.hypot(*coefficients), coefficients[0]) * 16
 
 
 def force(record):
@@ -87,28 +87,28 @@ def force(record):
     if "rate_word" not in record.streams and not {"dac_ftr", "nco_pword"} <= set(record.streams):
         return
     rate, config = Stated(record, "rate"), check_tables.stated_config(record)
-    d, seen = config.device(), set()
+    d, reported = config.device(), set()
     gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
     metres = d.adc_vref_v / d.adc_pga_drive / 2**23 / (gain * d.signal_gain * 4 / math.pi)  # of a drive code
     newtons = 2 * d.coriolis_mass_kg * 2 * math.pi * d.fx_hz * metres * math.pi / 180  # of a code and 1 deg/s
     settle = SETTLED / (2 * math.pi * config.firmware.ftr_crossover_hz) * 8000
     for _, s, rows in halves(record):
         a, b = FRAME_CYCLES * rows.start, FRAME_CYCLES * rows.stop
-        held = rate.within(a, b)
-        row = held[-1] if held else -1
-        steady = row >= 0 and rate.spread(held) <= rate_limit(rate, row)
-        recent = rate.within(max(0, int(a - settle * FRAME_CYCLES)), b)
-        calm = steady and rate.spread(recent) <= rate_limit(rate, row)
-        if not calm or row in seen or "ftr" not in s["loops"].split() or not d.k_vf_sense_n_per_v:
+        stimulus_rows = rate.rows_between(a, b)
+        row = stimulus_rows[-1] if stimulus_rows else -1
+        steady = row >= 0 and rate.value_range(stimulus_rows) <= rate_limit(rate, row)
+        recent = rate.rows_between(max(0, int(a - settle * FRAME_CYCLES)), b)
+        calm = steady and rate.value_range(recent) <= rate_limit(rate, row)
+        if not calm or row in reported or "ftr" not in s["loops"].split() or not d.k_vf_sense_n_per_v:
             continue
         drive = math.hypot(*(record.streams[name].data[rows].mean() for name in ("adc_xI", "adc_xQ")))
-        found = _force(record, rows) * 10 / 2**23 * d.k_vf_sense_n_per_v / (newtons * drive) if drive else 0.0
-        stated = float(np.mean(rate.values[held.start : held.stop]))
+        force_dps = _force(record, rows) * 10 / 2**23 * d.k_vf_sense_n_per_v / (newtons * drive) if drive else 0.0
+        stated = float(np.mean(rate.values[stimulus_rows.start : stimulus_rows.stop]))
         limit = FORCE_SHARE * abs(stated) + FORCE_DPS
-        if abs(found - stated) > limit:
-            seen.add(row)
-            opposite = found * stated < 0 and min(abs(found), abs(stated)) > FORCE_DPS
-            text = f"expected {found:.4g} deg/s of the force in segment {s['id']} within {limit:.3g} deg/s"
+        if abs(force_dps - stated) > limit:
+            reported.add(row)
+            opposite = force_dps * stated < 0 and min(abs(force_dps), abs(stated)) > FORCE_DPS
+            text = f"expected {force_dps:.4g} deg/s of the force in segment {s['id']} within {limit:.3g} deg/s"
             text += f"{' and of its sign' if opposite else ''}, found {stated:.6g} in row {row}"
             yield Finding("R26", f"{rate.path}/rate", text, REFUSED if opposite else WARNED)
 
@@ -119,19 +119,19 @@ def sensor(record):
     if column is None:
         return
     stated, config = Stated(record, "temperature"), check_tables.stated_config(record)
-    warmer, seen = config.plant.self_heating_k, set()
+    warmer, reported = config.plant.self_heating_k, set()
     lsb, unc = column.attrs["lsb_V"], column.attrs["lsb_V_unc"]
     for _, s, rows in halves(record):
         row = stated.row(FRAME_CYCLES * rows.stop)
-        if row < 0 or row in seen:
+        if row < 0 or row in reported:
             continue
         volts = column.data[rows].mean() * lsb
-        found = 25.0 + (volts - adc.SENSOR_V_AT_25_DEGC) / adc.SENSOR_V_PER_K
+        sensor_degc = 25.0 + (volts - adc.SENSOR_V_AT_25_DEGC) / adc.SENSOR_V_PER_K
         limit = SENSOR_K + BEYOND * (float(stated.unc[row]) + abs(volts) * unc / lsb / adc.SENSOR_V_PER_K)
         value = float(stated.values[row])
-        if not -limit <= found - value <= limit + warmer:
-            seen.add(row)
-            text = f"expected {found:.4g} degC of adc_temperature in segment {s['id']} within {limit:.3g} K"
+        if not -limit <= sensor_degc - value <= limit + warmer:
+            reported.add(row)
+            text = f"expected {sensor_degc:.4g} degC of adc_temperature in segment {s['id']} within {limit:.3g} K"
             yield Finding("R27", f"{stated.path}/temperature", f"{text}, found {value:.6g} in row {row}", WARNED)
 
 
@@ -160,14 +160,14 @@ def copies(record):
                     break
 
 
-def _locked(record):
+def _locked_rows(record):
     """Rows in which noise moves every channel: those of segments behind the start-up that nobody has lost."""
-    rows = np.zeros(schema.frames_of(record), bool)
+    rows = np.zeros(schema.frame_count(record), bool)
     for _, s in segments(record):
         if s["kind"] in CONDITIONS:
             rows[s["edge_a"] // FRAME_CYCLES : s["edge_b"] // FRAME_CYCLES] = True
     for session in sessions(record):
-        rows[session.rows] &= seen_rows(record, session)[0]
+        rows[session.rows] &= received_rows(record, session)[0]
     return rows
 
 
@@ -175,19 +175,19 @@ def rests(record):
     """R28: a channel that rests far longer than it does elsewhere, and last rows in which all repeat."""
     if not check_tables.stated_config(record).noise.adc:
         return
-    channels, locked = _channels(record), _locked(record)
+    channels, locked = _channels(record), _locked_rows(record)
     still = {name: np.diff(codes) == 0 for name, codes in channels.items()}
     for name, equal in still.items():
-        (first, length), *others = [*runs(equal & locked[1:]), (0, 0), (0, 0)][:2]
-        if length >= REST_ROWS and length > REST_TIMES * others[0][1]:
-            text = f"expected rests of at most {max(REST_ROWS, REST_TIMES * others[0][1])} rows"
+        (first, length), *next_runs = [*runs(equal & locked[1:]), (0, 0), (0, 0)][:2]
+        if length >= REST_ROWS and length > REST_TIMES * next_runs[0][1]:
+            text = f"expected rests of at most {max(REST_ROWS, REST_TIMES * next_runs[0][1])} rows"
             yield Finding("R28", f"/streams/{name}", f"{text}, found rows {first} to {first + length}", WARNED)
     chance = math.prod(float(equal[locked[1:]].mean()) if locked[1:].any() else 1.0 for equal in still.values())
     together = np.logical_and.reduce(list(still.values()))
     for session in sessions(record):
         last = session.first + session.frames - 1
-        moved = np.flatnonzero(~together[session.first : last])
-        repeats = last - session.first - (int(moved[-1]) + 1 if len(moved) else 0)
+        changes = np.flatnonzero(~together[session.first : last])
+        repeats = last - session.first - (int(changes[-1]) + 1 if len(changes) else 0)
         if chance**repeats < CHANCE:
             text = f"expected new codes of {', '.join(channels)}, found those of row {last - repeats} up to row {last}"
             yield Finding("R28", "/streams/adc_xI", text, WARNED)
@@ -197,7 +197,7 @@ def bad_frames(record):
     """R28: loops stay locked only on frames whose status is good."""
     if "adc_ok" not in record.streams:
         return
-    bad, locked = record.streams["adc_ok"].data == 0, _locked(record)
+    bad, locked = record.streams["adc_ok"].data == 0, _locked_rows(record)
     share = bad[locked].mean() if locked.any() else 0.0
     if share > MOST_BAD:
         row = int(np.flatnonzero(bad & locked)[0])
@@ -208,7 +208,7 @@ def bad_frames(record):
 def first_rows(record):
     """R28: rows without a conversion hold nothing new; behind a power-on the sensor's filter settles."""
     channels = _channels(record)
-    frames = schema.frames_of(record)
+    frames = schema.frame_count(record)
     edge0 = record.streams["adc_xI"].edge0
     for j, (a, b, reason) in enumerate(schema.rows(record.tables["gaps"], "edge_a", "edge_b", "reason")):
         if reason != UNSEEN:
@@ -223,7 +223,7 @@ def first_rows(record):
     codes = channels.get("adc_temperature", np.zeros(0))
     for session in sessions(record):
         row, after = session.first + STEP_FRAMES, codes[session.first + STEP_FRAMES + 1 : session.first + 64]
-        if len(after) and session.powered and seen_rows(record, session)[0][:64].sum() >= len(after) + STEP_FRAMES:
+        if len(after) and session.powered and received_rows(record, session)[0][:64].sum() >= len(after) + STEP_FRAMES:
             settled = float(np.median(after))
             if abs(codes[row] - settled) > STEP_SHARE * abs(settled):
                 text = f"expected {settled:.0f} within {100 * STEP_SHARE:g} %, found {codes[row]} in row {row}"

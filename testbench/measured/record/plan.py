@@ -23,7 +23,7 @@ import numpy as np
 
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench import config as configuration
-from testbench.config.toml_text import toml_of
+from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError
 from testbench.measured.record import schema
 from testbench.storage.inputs import read_toml
@@ -105,7 +105,7 @@ HEAD = ("lab", "device_serial", "board_rev", "licence")
 KEYS = ("name", "repeats", "seed", "dac", "fx_scatter_hz", "set", "truth", "condition", "prior", *HEAD)
 
 
-def _known(tree, keys, where):
+def _check_keys(tree, keys, where):
     for key in tree:
         if key not in keys:
             near = difflib.get_close_matches(str(key), keys, n=1, cutoff=0.5)
@@ -113,23 +113,23 @@ def _known(tree, keys, where):
             raise ConfigError(f"{where}: {key} is not a key here; {hint}")
 
 
-def _number(value, lo, hi, unit, where):
+def _bounded_number(value, lo, hi, unit, where):
     good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
     if not (good and lo <= value <= hi):
-        raise ConfigError(f"{where} = {toml_of(value)} is outside {lo:g} .. {hi:g} {unit}".rstrip())
+        raise ConfigError(f"{where} = {short_toml(value)} is outside {lo:g} .. {hi:g} {unit}".rstrip())
     return float(value)
 
 
 def _text(value, choices, where):
     if not isinstance(value, str) or (choices and value not in choices):
         wanted = " | ".join(choices) if choices else "a text"
-        raise ConfigError(f"{where} = {toml_of(value)} is not {wanted}")
+        raise ConfigError(f"{where} = {short_toml(value)} is not {wanted}")
     return value
 
 
 def _dotted(table, where):
     if not isinstance(table, dict):
-        raise ConfigError(f"{where} = {toml_of(table)} is not a table of section.key = value")
+        raise ConfigError(f"{where} = {short_toml(table)} is not a table of section.key = value")
     out = {}
     for key, value in table.items():
         items = {f"{key}.{name}": item for name, item in value.items()} if isinstance(value, dict) else {key: value}
@@ -155,11 +155,11 @@ def _condition(tree, k, where):
     where = f"{where}: condition[{k}]"
     if not isinstance(tree, dict) or "id" not in tree:
         raise ConfigError(f"{where}.id is missing: every condition has a name")
-    _known(tree, Condition._fields, where)
+    _check_keys(tree, Condition._fields, where)
     values = {"id": _text(tree["id"], (), f"{where}.id")}
     for key, (lo, hi, unit) in LIMITS.items():
         if key in tree:
-            values[key] = _number(tree[key], lo, hi, unit, f"{where}.{key}")
+            values[key] = _bounded_number(tree[key], lo, hi, unit, f"{where}.{key}")
     for key, choices in (("role", schema.ROLES), ("kind", schema.KINDS)):
         if key in tree:
             values[key] = _text(tree[key], choices, f"{where}.{key}")
@@ -170,10 +170,10 @@ def _prior(tree, k, where):
     where = f"{where}: prior[{k}]"
     if not isinstance(tree, dict) or {"param", "mean", "sd"} - set(tree):
         raise ConfigError(f"{where} needs param, mean and sd")
-    _known(tree, Prior._fields, where)
+    _check_keys(tree, Prior._fields, where)
     values = dict(tree)
-    values["mean"] = _number(tree["mean"], -1e300, 1e300, "", f"{where}.mean")
-    values["sd"] = _number(tree["sd"], 1e-300, 1e300, "", f"{where}.sd")
+    values["mean"] = _bounded_number(tree["mean"], -1e300, 1e300, "", f"{where}.mean")
+    values["sd"] = _bounded_number(tree["sd"], 1e-300, 1e300, "", f"{where}.sd")
     for key in set(values) - {"mean", "sd"}:
         _text(values[key], schema.DISTRIBUTIONS if key == "dist" else (), f"{where}.{key}")
     return Prior(**values)
@@ -181,7 +181,7 @@ def _prior(tree, k, where):
 
 def from_dict(tree, where="plan"):
     """`Plan` of nested dicts; ConfigError with one line."""
-    _known(tree, KEYS, where)
+    _check_keys(tree, KEYS, where)
     rows = tree.get("condition", [])
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_CONDITIONS:
         raise ConfigError(f"{where}: needs 1 to {MOST_CONDITIONS} conditions; write [[condition]]")
@@ -194,14 +194,14 @@ def from_dict(tree, where="plan"):
     truth = _changed(model, hidden, f"{where}: [truth]")
     priors = tree.get("prior", [])
     if not isinstance(priors, list):
-        raise ConfigError(f"{where}: prior = {toml_of(priors)} is not a list; write [[prior]]")
+        raise ConfigError(f"{where}: prior = {short_toml(priors)} is not a list; write [[prior]]")
     return Plan(
         name=_text(tree.get("name", "record"), (), f"{where}: name"),
         head={key: _text(tree.get(key, "unknown"), (), f"{where}: {key}") for key in HEAD},
-        repeats=int(_number(tree.get("repeats", 2), 1, MOST_REPEATS, "", f"{where}: repeats")),
-        seed=int(_number(tree.get("seed", 1), 0, 2**53, "", f"{where}: seed")),
+        repeats=int(_bounded_number(tree.get("repeats", 2), 1, MOST_REPEATS, "", f"{where}: repeats")),
+        seed=int(_bounded_number(tree.get("seed", 1), 0, 2**53, "", f"{where}: seed")),
         dac=_text(tree.get("dac", "frame"), ("frame", "tick"), f"{where}: dac"),
-        fx_scatter_hz=_number(tree.get("fx_scatter_hz", 0.0), 0.0, 1.0, "Hz", f"{where}: fx_scatter_hz"),
+        fx_scatter_hz=_bounded_number(tree.get("fx_scatter_hz", 0.0), 0.0, 1.0, "Hz", f"{where}: fx_scatter_hz"),
         model=model,
         truth=truth,
         hidden=hidden,
@@ -215,7 +215,7 @@ def read(path):
     return from_dict(read_toml(path), str(Path(path)))
 
 
-def with_plant(plan, library, own=""):
+def with_plant(plan, library, plant_file=""):
     """The same plan for a plant behind the port: path of the library, and of the file for it alone."""
-    there = {"scenario.plant": str(library), "scenario.plant_file": str(own)}
+    there = {"scenario.plant": str(library), "scenario.plant_file": str(plant_file)}
     return plan._replace(truth=configuration.changed(plan.truth, there, library=True))

@@ -46,10 +46,10 @@ class Board(Simulation):
         self.log.append((TICK_CYCLES * self.tick, name, int(raw)))
         super().write(name, raw)
 
-    def moved(self, state, streams, inside=False):
+    def commit_chunk(self, state, streams, inside=False):
         if self.ticked:
             self.codes.append((streams.drive_code, streams.sense_code))
-        super().moved(state, streams, inside)
+        super().commit_chunk(state, streams, inside)
         frame, tick = divmod(state.tick, FRAME_TICKS)
         if TICK_CYCLES * tick < self.valid_clock:
             self._anchors.append((frame, TICK_CYCLES * tick, state.fpga.dds.phase))
@@ -62,8 +62,8 @@ class Board(Simulation):
         columns = self.columns()
         word, state = columns["frequency_word"], columns["state"]
         # while the centre is loaded or corrected the word follows at once, else two clocks later, behind the PI
-        early = state[1:] < sequencer.ACQUIRE
-        at = self.valid_clock + 1 + np.where(early, SLOT_PI, SLOT_WORD)
+        immediate = state[1:] < sequencer.ACQUIRE
+        at = self.valid_clock + 1 + np.where(immediate, SLOT_PI, SLOT_WORD)
         at[0] = FRAME_CYCLES  # no codes in the first frame
         steps = at * word[:-1] + (FRAME_CYCLES - at) * word[1:]
         rows = np.concatenate([[0], np.cumsum(steps)]) % TURN
@@ -87,9 +87,9 @@ class Sitting:
         self.plan, self.condition, self.repeat = plan, condition, repeat
         seed = plan.seed + number
         shift = plan.fx_scatter_hz * np.random.default_rng([9, seed]).normal()
-        moved = {"fx_hz": plan.truth.plant.fx_hz + shift} if shift else {}
+        plant_update = {"fx_hz": plan.truth.plant.fx_hz + shift} if shift else {}
         noise = plan.truth.noise.model_copy(update={"seed": seed})
-        plant = plan.truth.plant.model_copy(update=moved)
+        plant = plan.truth.plant.model_copy(update=plant_update)
         self.config = plan.truth.model_copy(update={"noise": noise, "plant": plant})
         _, temps = condition.profile(_ticks(condition.seconds) // FRAME_TICKS)
         lo, hi = (f(condition.temperature_degc, *temps[[0, -1]]) for f in (min, max))
@@ -101,12 +101,12 @@ class Sitting:
     def _first_writes(self):
         """Those of the configuration, with what the condition sets in their place."""
         c, nominal = self.condition, build.nominal(self.plan.model)
-        wanted = dict(build.register_writes(self.plan.model))
-        wanted["amplitude_setpoint"] = agc.setpoint(c.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
+        writes = dict(build.register_writes(self.plan.model))
+        writes["amplitude_setpoint"] = agc.setpoint(c.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
         if c.detune_deg:
-            own = self.plan.model.firmware.phase_words()[0]
-            wanted["phase_drive_sine"] = (phase_word(c.detune_deg) + own) % TURN
-        return tuple(wanted.items())
+            nominal_word = self.plan.model.firmware.phase_words()[0]
+            writes["phase_drive_sine"] = (phase_word(c.detune_deg) + nominal_word) % TURN
+        return tuple(writes.items())
 
     def _run(self):
         c, board, temp = self.condition, self.board, self.condition.temperature_degc
@@ -116,14 +116,14 @@ class Sitting:
         self._stimulus(before, temp)
         if simulate.start(self.config, board, before, temp) is None:
             raise ConfigError(f"{where}: no lock within {simulate.lock_limit_s(self.config):g} s")
-        left = -board.tick % FRAME_TICKS
-        if left:
-            board.advance(left, before, temp)
-        self._segment("startup", 0, first, "startup", "none")
+        partial_ticks = -board.tick % FRAME_TICKS
+        if partial_ticks:
+            board.advance(partial_ticks, before, temp)
+        self._add_segment("startup", 0, first, "startup", "none")
         if c.settle_s:
             begin = board.tick
             board.advance(_ticks(c.settle_s), before, temp)
-            self._segment("settle", begin, first, "settle", "none")
+            self._add_segment("settle", begin, first, "settle", "none")
         begin = board.tick
         probe = min(_ticks(c.counter_s), _ticks(c.seconds)) if c.counter_s else 0
         rate, temp = self._dwell(_ticks(c.seconds) - probe, before)
@@ -131,7 +131,7 @@ class Sitting:
             self._count(probe, rate, temp)
         if not board.locked:
             raise ConfigError(f"{where}: lock is lost")
-        self._segment("", begin, c, "sweep" if c.ramped else c.kind, c.role)
+        self._add_segment("", begin, c, "sweep" if c.ramped else c.kind, c.role)
         self.frames = board.tick // FRAME_TICKS
         # one tick of the next frame: its row holds the last codes
         board.advance(1, rate, temp)
@@ -155,7 +155,7 @@ class Sitting:
         self.rates.append((edge, rate_rad_s / DEG))
         self.temps.append((edge, temp_degc))
 
-    def _segment(self, part, begin, c, kind, role):
+    def _add_segment(self, part, begin, c, kind, role):
         edges = (TICK_CYCLES * begin, TICK_CYCLES * self.board.tick)
         group = f"{c.id}.{part}" if part else c.id
         self.segments.append((f"{group}.{self.repeat}", *edges, kind, c, group, role))
@@ -179,20 +179,20 @@ def record(plan, progress=None):
         raise ConfigError(f'firmware.board = "{plan.truth.firmware.board}": records need "analog_sid"')
     foreign = plan.truth.scenario.plant
     if foreign:
-        _check_foreign(plan, library.opened(foreign).keys)
-    sittings, wanted = [], [(c, r) for r in range(plan.repeats) for c in plan.conditions]
-    for number, (condition, repeat) in enumerate(wanted):
+        _check_foreign(plan, library.open_library(foreign).keys)
+    sittings, schedule = [], [(c, r) for r in range(plan.repeats) for c in plan.conditions]
+    for number, (condition, repeat) in enumerate(schedule):
         sittings.append(Sitting(plan, condition, repeat, number))
         first, last = sittings[0].board, sittings[-1].board
         if first.valid_clock != last.valid_clock:
             where = f"DRDY at clock {last.valid_clock} of a frame after clock {first.valid_clock}"
             raise ConfigError(f"scenario.plant: {where} of another power-on: a record has one board")
         if progress:
-            progress("recording", number + 1, len(wanted))
+            progress("recording", number + 1, len(schedule))
     starts = np.cumsum([0] + [r.frames for r in sittings]).tolist()
     out = Record(
         streams=_streams(plan, sittings),
-        tables=_tables(plan, sittings, [FRAME_CYCLES * n for n in starts]),
+        tables=_build_tables(plan, sittings, [FRAME_CYCLES * n for n in starts]),
         config_toml=to_toml(plan.model),
         provenance="sealed" if plan.hidden else "simulated",
         clock_ppm=plan.model.plant.clock_ppm,
@@ -211,7 +211,7 @@ def record(plan, progress=None):
         out.attrs |= {f"{key}_sha256": digest for key, digest in plant.identity.items()}
         out.attrs["plant_unseen"] = " ".join(plant.unseen)
     if plan.hidden:
-        out.attrs["truth_sha256"] = schema.sha256_of(envelope(plan))
+        out.attrs["truth_sha256"] = schema.json_sha256(envelope(plan))
     return out
 
 
@@ -254,14 +254,14 @@ def _streams(plan, sittings):
         num, den = schema.PER_TICK if ticked and name in schema.TICKED else schema.PER_FRAME
         edge0 = before if name.startswith("adc_") else (TICK_CYCLES if den == TICK_CYCLES else 0)
         attrs = schema.attributes(name, stream.tap, lsb.get(name))
-        data = np.concatenate(pieces).astype(schema.dtype_of(name))
+        data = np.concatenate(pieces).astype(schema.stream_dtype(name))
         out[name] = Column(data, stream.unit, num, den, edge0, attrs)
     return out
 
 
 def _table(name, rows):
     """A table of the schema from its rows."""
-    units = schema.columns_of(name)
+    units = schema.table_columns(name)
     columns = zip(*rows) if rows else [()] * len(units)
     kinds = {"": str, "edge": np.int64}
     return {
@@ -269,7 +269,7 @@ def _table(name, rows):
     }
 
 
-def _tables(plan, sittings, starts):
+def _build_tables(plan, sittings, starts):
     """Every table; the edges of a sitting count from where it starts in the record."""
     begun = list(zip(sittings, starts))
     rows = {
@@ -292,7 +292,7 @@ def _tables(plan, sittings, starts):
         read = [(a + edge, *values) for r, a in begun for its, edge, *values in r.counters if its == pair]
         if read:
             rows[f"counter/{pair}"] = read
-    return {name: _table(name, found) for name, found in rows.items()}
+    return {name: _table(name, table_rows) for name, table_rows in rows.items()}
 
 
 def _register(name):

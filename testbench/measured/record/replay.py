@@ -120,7 +120,7 @@ def _channels(x, k):
 
 
 @inner
-def _inputs(p, s, clock):
+def _window_inputs(p, s, clock):
     """What a window sees at an edge; channels change word by word while a frame is read."""
     c = window.receive(DEFAULT, s.old, s.new, s.valid - valid_clocks(DEFAULT), clock)
     return control.Inputs(c[0], c[1], c[2], c[3], c[4], s.ok, s.w.dog.stale)
@@ -147,7 +147,7 @@ def _edge(p, s, x, coming, writing):
     host = window.NO_HOST
     if writing == clock:
         host = (ONE, x.writes[s.write, 1], x.writes[s.write, 2])
-    w = window.edge(p, s.w, _inputs(p, s, clock), clock, valid, host)
+    w = window.edge(p, s.w, _window_inputs(p, s, clock), clock, valid, host)
     ok = x.ok[s.conversion] if valid else s.ok
     return Side(clock + 1, w, s.old, s.new, s.valid, ok, s.conversion + valid, s.write + host[0])
 
@@ -159,7 +159,7 @@ def _guarded(w, dog):
 
 
 @inner
-def _window(p, s, x, row):
+def _run_window(p, s, x, row):
     """A window that nothing disturbs, at once, from the edge that sees its frame valid. Mutates `row`."""
     clock, end = s.clock, s.clock + SLOTS + 1
     i = control.Inputs(s.new[0], s.new[1], s.new[2], s.new[3], s.new[4], x.ok[s.conversion], ZERO)
@@ -167,13 +167,13 @@ def _window(p, s, x, row):
     row[0] = clock
     row[1] = word
     row[3] = control.agc.amplitude(p.control.agc, s.w.control.agc, sequencer.outputs(w.control.sequencer).agc_mode)
-    _left(p, w.control, row)
+    _store_outputs(p, w.control, row)
     w = _guarded(w, _aged(p.watchdog, watchdog.State(ZERO, ZERO), _enables(clock + 1, end)))
     return Side(end, w, s.old, s.new, s.valid, x.ok[s.conversion], s.conversion + 1, s.write)
 
 
 @inner
-def _left(p, c, row):
+def _store_outputs(p, c, row):
     """What acts after a window. Mutates `row`."""
     row[2] = c.frequency_tracker.word
     row[4] = control.amplitude(p.control, c)
@@ -182,7 +182,7 @@ def _left(p, c, row):
 
 
 @inner
-def _moved(p, s, clock):
+def _skip_idle(p, s, clock):
     """At a later edge, nothing having happened meanwhile."""
     w = _guarded(s.w, _aged(p.watchdog, s.w.dog, _enables(s.clock, clock)))
     return Side(clock, w, s.old, s.new, s.valid, s.ok, s.conversion, s.write)
@@ -234,11 +234,11 @@ def advance(p, s, x, until, plain, row):
             if coming != s.valid:
                 at = min(at, max(_first_word(coming) - SLOTS, s.clock + 1))
             if at > s.clock:
-                s = _moved(p, s, at)
+                s = _skip_idle(p, s, at)
                 continue
             end = s.clock + SLOTS + 1
             if plain and s.clock == coming and s.w.dog.stale == 0 and writing >= end and until >= end:
-                s = _window(p, s, x, row)
+                s = _run_window(p, s, x, row)
                 continue
         s = _edge(p, s, x, coming, writing)
     return s
@@ -248,21 +248,21 @@ def advance(p, s, x, until, plain, row):
 def _sine(p, s, tick, offset):
     """Sine that a modulator takes in `tick`."""
     phase = phase_at(s.w.turn, TICK_CYCLES * tick - SINE_CLOCKS - p.pipe.depth)
-    return sine.at(p.design, ROM, wrap_unsigned(phase + offset, p.design.dds_bits))
+    return sine.phase_sine(p.design, ROM, wrap_unsigned(phase + offset, p.design.dds_bits))
 
 
 @inner
 def _drive_code(p, s, tick):
     """Code that the drive modulator makes in `tick`, whose first edge is s.clock."""
     y = _sine(p, s, tick, s.w.bank.phase_drive_sine)
-    return modulator.at(p.drive_modulator, control.amplitude(p.control, s.w.control), y)
+    return modulator.dac_code(p.drive_modulator, control.amplitude(p.control, s.w.control), y)
 
 
 @inner
 def _sense_code(p, s, tick):
     """Code that the sense modulator makes in `tick`, whose first edge is s.clock."""
     y = _sine(p, s, tick, s.w.bank.phase_sense_sine)
-    return modulator.at(p.sense_modulator, s.w.control.rate_loop.loop.y, y)
+    return modulator.dac_code(p.sense_modulator, s.w.control.rate_loop.loop.y, y)
 
 
 @inner
@@ -301,7 +301,7 @@ def run(p, s, x, o, order, plain):
         driven[0] = -1
         driven[1] = s.w.control.frequency_tracker.word
         driven[3] = control.amplitude(p.control, s.w.control)
-        _left(p, s.w.control, driven)
+        _store_outputs(p, s.w.control, driven)
         for k in range(FRAME_TICKS if FRAME_TICKS * n < o.codes.shape[0] else 0):
             tick = FRAME_TICKS * (first + n) + k
             s = advance(p, s, x, TICK_CYCLES * tick, plain, driven)
@@ -312,17 +312,17 @@ def run(p, s, x, o, order, plain):
                 o.codes[at + lag_sense, 1] = _sense_code(p, s, tick)
         calm = plain and o.codes.shape[0] == 0 and _calm(p, s, x, begin, end, end - order[0, 0])
         if calm:
-            s = _window(p, _moved(p, _read(x, s), x.valid[s.conversion]), x, driven)
+            s = _run_window(p, _skip_idle(p, _read(x, s), x.valid[s.conversion]), x, driven)
         for j in range(3):
             until = max(s.clock, end - order[j, 0])
-            s = _moved(p, s, until) if calm else advance(p, s, x, until, plain, driven)
+            s = _skip_idle(p, s, until) if calm else advance(p, s, x, until, plain, driven)
             if order[j, 1] == AMPLITUDE:
                 following[14] = _drive_code(p, s, s.clock // TICK_CYCLES)
             elif order[j, 1] == RATE:
                 following[15] = _sense_code(p, s, s.clock // TICK_CYCLES)
             else:
                 following[16] = s.w.control.quadrature_loop.root.y
-        s = _moved(p, s, end) if calm else advance(p, s, x, end, plain, driven)
+        s = _skip_idle(p, s, end) if calm else advance(p, s, x, end, plain, driven)
     return s
 
 
@@ -336,6 +336,6 @@ def order(p):
     if p.paths is not None:
         raise ConfigError("firmware.*_sine_registers, *_code_registers: the replay of a record has none; set them to 0")
     ticks = ((1 + p.drive_modulator.frames, AMPLITUDE), (2 + p.sense_modulator.frames, RATE))
-    found = [(TICK_CYCLES * n, kind) for n, kind in ticks]
-    found.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))
-    return np.array(sorted(found, reverse=True), np.int64)
+    loads = [(TICK_CYCLES * n, kind) for n, kind in ticks]
+    loads.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))
+    return np.array(sorted(loads, reverse=True), np.int64)

@@ -142,7 +142,7 @@ MOST_SATURATED = 1e-3  # part of the rows of a fit segment
 UNCERTAIN = {"stimulus/rate": "unc", "stimulus/temperature": "unc"}  # columns that state an uncertainty
 
 
-def columns_of(name):
+def table_columns(name):
     """{column: unit} of a table; a counter of an unknown pair has units None, an unknown table no columns."""
     if name.startswith("counter/"):
         unit = COUNTER_PAIRS.get(name.partition("/")[2])
@@ -150,7 +150,7 @@ def columns_of(name):
     return TABLES.get(name) or OPTIONAL_TABLES.get(name, {})
 
 
-def frames_of(record):
+def frame_count(record):
     """Frames of a record: rows of its converter."""
     return len(record.streams["adc_xI"].data)
 
@@ -172,7 +172,7 @@ class Finding(NamedTuple):
         return f"{self.rule} {self.path} {self.text}"
 
 
-def sha256_of(data):
+def json_sha256(data):
     """SHA-256 of a structure as JSON."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
@@ -180,7 +180,7 @@ def sha256_of(data):
 def regmap_sha256(version=registers.VERSION):
     """Hash of a version's register map: names, addresses, formats, reset values, access."""
     resets = {r.name: r.reset for r in registers.MAP} | {"identity": registers.identity(version)}
-    return sha256_of([[r.address, r.name, list(r.fmt), resets[r.name], r.access] for r in registers.MAP])
+    return json_sha256([[r.address, r.name, list(r.fmt), resets[r.name], r.access] for r in registers.MAP])
 
 
 def lsb_volts(device):
@@ -197,7 +197,7 @@ def lsb_volts(device):
     }
 
 
-def dtype_of(name):
+def stream_dtype(name):
     """NumPy type of a stream's codes."""
     stream = STREAMS[name]
     return np.int32 if stream.bits < 32 or (stream.signed and stream.bits == 32) else np.int64
@@ -212,20 +212,20 @@ def attributes(name, tap, lsb_v=None, unc_v=None):
     return out | {"lsb_V": lsb_v, "lsb_V_unc": unc_v or GAIN_UNC * lsb_v, "offset_code": 0}
 
 
-def known_map(record):
+def has_supported_map(record):
     """True if the register map of a record is one of ours: only then are its registers known by their names."""
     return record.attrs["regmap_sha256"] in [regmap_sha256(version) for version in registers.REPLAYED]
 
 
-def bitstream_sha256(firmware, left_out=()):
+def bitstream_sha256(firmware, excluded=()):
     """Hash of the firmware's parameters, but for those `left_out` and those that came later and have their default.
 
     It stands for the bitstream of a simulated board.
     """
-    told = block.told(firmware, top.PARAMS_FMT)
-    return sha256_of([[name, value] for name, value, _ in told if name not in left_out])
+    parameters = block.flattened_parameters(firmware, top.PARAMS_FMT)
+    return json_sha256([[name, value] for name, value, _ in parameters if name not in excluded])
 
 
 def roles_sha256(segments):
     """Hash of who is fitted and who is held out: fixed before any analysis."""
-    return sha256_of([list(row) for row in rows(segments, "id", "edge_a", "edge_b", "repeat_group", "role")])
+    return json_sha256([list(row) for row in rows(segments, "id", "edge_a", "edge_b", "repeat_group", "role")])

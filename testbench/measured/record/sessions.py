@@ -51,7 +51,7 @@ class Segment(NamedTuple):
 
 def sessions(record):
     """Every `Session` of a checked record, in order."""
-    frames = schema.frames_of(record)
+    frames = schema.frame_count(record)
     starts = (record.tables["power_on"]["edge"].data // FRAME_CYCLES).tolist()
     bounds = sorted({0, *starts, frames})
     return [Session(a, b - a, a in starts) for a, b in itertools.pairwise(bounds)]
@@ -66,7 +66,7 @@ def segments(record):
     return out
 
 
-def seen_rows(record, session):
+def received_rows(record, session):
     """(rows,) of bool: conversions of a session that the firmware saw, and (rows,) those that nobody recorded."""
     edge0 = record.streams["adc_xI"].edge0
     edges = edge0 + FRAME_CYCLES * np.arange(session.first, session.first + session.frames, dtype=np.int64)
@@ -81,7 +81,7 @@ def seen_rows(record, session):
 
 def stimulus(record, session):
     """`Stimulus` of a session, edges from its own power-on; without `adc_ok` every conversion that was seen is good."""
-    saw, _ = seen_rows(record, session)
+    saw, _ = received_rows(record, session)
     names = ("adc_xI", "adc_xQ", "adc_yI", "adc_yQ", "adc_temperature")
     codes = np.zeros((int(saw.sum()), CODES), np.int64)
     for k, name in enumerate(names):

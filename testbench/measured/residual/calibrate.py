@@ -20,7 +20,7 @@ from testbench.measured.record import check_tables
 from testbench.measured.record.sessions import segments
 from testbench.measured.residual import parameters, residuals, simulator
 from testbench.measured.residual.features import HZ, OBSERVABLES
-from testbench.measured.residual.noise_floor import floor
+from testbench.measured.residual.noise_floor import estimate_floor
 
 DRIVEN = [name for name, o in OBSERVABLES.items() if o.driven]
 STEP_SIGMA, STEP_SPAN = 300.0, 4.0
@@ -74,15 +74,15 @@ class Calibration:
 class Problem:
     """The cost of a record as a function of u."""
 
-    def __init__(self, record, config, wanted, engine, progress=None):
-        self.record, self.config, self.wanted, self.engine = record, config, wanted, engine
+    def __init__(self, record, config, fitted, engine, progress=None):
+        self.record, self.config, self.fitted, self.engine = record, config, fitted, engine
         self.progress, self.evaluations, self.noise = progress, 0, None
         self.exact = residuals.sound(record)
 
     def model(self, u):
         """Configuration at u; None outside the limits of a parameter."""
-        values = {p.key: p.value(x) for p, x in zip(self.wanted, u)}
-        if any(not p.lo <= values[p.key] <= p.hi for p in self.wanted):
+        values = {p.key: p.value(x) for p, x in zip(self.fitted, u)}
+        if any(not p.lo <= values[p.key] <= p.hi for p in self.fitted):
             return None
         return changed(self.config, values)
 
@@ -94,12 +94,12 @@ class Problem:
         self.evaluations += 1
         if self.progress:
             self.progress("calibration", self.evaluations, 0)
-        predicted, _ = residuals.predictions(self.record, model, "R1", self.engine, 0, exact=self.exact)
+        predicted, _ = residuals.predict_sessions(self.record, model, "R1", self.engine, 0, exact=self.exact)
         groups, roles = residuals.differences(self.record, predicted, DRIVEN)
         groups = [g for g in groups if roles[g.name] == "fit"]
         if self.noise is None:
-            self.noise = floor(groups)
-        white = [self.noise.whiten(g.name, g.values.mean(axis=0)) * np.sqrt(len(g.values)) for g in groups]
+            self.noise = estimate_floor(groups)
+        white = [self.noise.whiten_group(g.name, g.values.mean(axis=0)) * np.sqrt(len(g.values)) for g in groups]
         return np.concatenate([w.ravel() for w in white])
 
     def jacobian(self, u, r):
@@ -108,9 +108,9 @@ class Problem:
         for k in range(len(u)):
             step = self.steps[k]
             for _ in range(4):
-                moved = u.copy()
-                moved[k] += step
-                other = self.residual(moved)
+                shifted = u.copy()
+                shifted[k] += step
+                other = self.residual(shifted)
                 if other is None:
                     step = -step
                     continue
@@ -151,31 +151,31 @@ class Problem:
         return Fit(u, float(cost), decrement, j, self.evaluations - first)
 
 
-def start(record, wanted):
+def start(record, fitted):
     """Coordinates to begin with: f_x where the loop has locked, everything else in the middle of its prior."""
-    u = np.zeros(len(wanted))
+    u = np.zeros(len(fitted))
     words = [
         record.streams["nco_fword"].data[s.first : s.first + s.frames].mean()
         for s in segments(record)
         if s.role == "fit"
     ]
-    for k, p in enumerate(wanted):
+    for k, p in enumerate(fitted):
         if p.key == "plant.fx_hz" and words:
             u[k] = p.coordinate(float(np.mean(words)) * HZ * (1 + 1e-6 * record.clock_ppm))
     return u
 
 
-def _words(vector, wanted):
+def _combination_text(vector, fitted):
     """A direction in words: the parameters that make it up."""
     order = np.argsort(-np.abs(vector))
-    parts = [f"{vector[k]:+.2f} {wanted[k].key}" for k in order if abs(vector[k]) > 0.2]
+    parts = [f"{vector[k]:+.2f} {fitted[k].key}" for k in order if abs(vector[k]) > 0.2]
     return " ".join(parts)
 
 
-def directions(jacobian, wanted):
+def directions(jacobian, fitted):
     """`Direction`s, the least seen first."""
     values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
-    return tuple(Direction(float(v), _words(vectors[:, k], wanted)) for k, v in enumerate(values))
+    return tuple(Direction(float(v), _combination_text(vectors[:, k], fitted)) for k, v in enumerate(values))
 
 
 def calibrate(record, starts=2, engine=None, progress=None, seed=0):
@@ -185,29 +185,29 @@ def calibrate(record, starts=2, engine=None, progress=None, seed=0):
     """
     config = check_tables.stated_config(record)
     engine = engine or simulator.FrameSimulator()
-    wanted = parameters.declared(record)
-    problem = Problem(record, config, wanted, engine, progress)
-    begin, rng = start(record, wanted), np.random.default_rng(seed)
+    fitted = parameters.read_parameters(record)
+    problem = Problem(record, config, fitted, engine, progress)
+    begin, rng = start(record, fitted), np.random.default_rng(seed)
     loose = problem.solve(begin)
     problem.noise = None  # of the repeats about the first solution
     fits = [problem.solve(loose.u)]
-    locked = [p.key == "plant.fx_hz" for p in wanted]
+    locked = [p.key == "plant.fx_hz" for p in fitted]
     for _ in range(starts - 1):
-        fits.append(problem.solve(begin + np.where(locked, 0.0, START_SPREAD * rng.normal(size=len(wanted)))))
+        fits.append(problem.solve(begin + np.where(locked, 0.0, START_SPREAD * rng.normal(size=len(fitted)))))
     best = min(fits, key=lambda fit: fit.cost)
     model = problem.model(best.u)
-    sd_u = np.sqrt(np.diag(np.linalg.inv(best.jacobian.T @ best.jacobian + np.eye(len(wanted)))))
-    values = {p.key: p.value(x) for p, x in zip(wanted, best.u)}
+    sd_u = np.sqrt(np.diag(np.linalg.inv(best.jacobian.T @ best.jacobian + np.eye(len(fitted)))))
+    values = {p.key: p.value(x) for p, x in zip(fitted, best.u)}
     return Calibration(
-        parameters=wanted,
+        parameters=fitted,
         values=values,
-        sd={p.key: p.sd(x, s) for p, x, s in zip(wanted, best.u, sd_u)},
+        sd={p.key: p.sd(x, s) for p, x, s in zip(fitted, best.u, sd_u)},
         config=model,
         decrement=best.decrement,
         costs=tuple(fit.cost for fit in fits),
-        at_bound=tuple(p.key for p in wanted if min(values[p.key] - p.lo, p.hi - values[p.key]) < 1e-6 * (p.hi - p.lo)),
-        directions=directions(best.jacobian, wanted),
+        at_bound=tuple(p.key for p in fitted if min(values[p.key] - p.lo, p.hi - values[p.key]) < 1e-6 * (p.hi - p.lo)),
+        directions=directions(best.jacobian, fitted),
         evaluations=problem.evaluations,
-        before=residuals.study(record, "R1", config, engine),
-        after=residuals.study(record, "R1", model, engine),
+        before=residuals.study_record(record, "R1", config, engine),
+        after=residuals.study_record(record, "R1", model, engine),
     )

@@ -30,14 +30,14 @@ class Floor(NamedTuple):
     correlation: dict  # number of bins: (observables, bins, bins)
     dof: int  # deviations that it rests on
 
-    def whiten(self, group, values):
+    def whiten_group(self, group, values):
         """(observables, bins) whose noise is that of one repeat, in units of independent sigmas."""
         sigma, correlation = self.sigma[group], self.correlation[values.shape[-1]]
         scaled = values / sigma
         return np.stack([np.linalg.solve(np.linalg.cholesky(c), row) for c, row in zip(correlation, scaled)])
 
 
-def floor(groups):
+def estimate_floor(groups):
     """`Floor` of groups with two repeats or more; ValueError if there is none."""
     repeated = [g for g in groups if len(g.values) >= 2]
     if not repeated:

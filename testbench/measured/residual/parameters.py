@@ -32,7 +32,7 @@ class Parameter(NamedTuple):
     start: float | None = None  # where a linear model begins; None: at the mean
 
     @property
-    def first(self):
+    def start_value(self):
         """Where a linear model begins."""
         return self.mean if self.start is None else self.start
 
@@ -40,7 +40,7 @@ class Parameter(NamedTuple):
         """(mean, sd) in the parameter's unit of the normal prior that is this one near `first`."""
         if not self.logarithmic:
             return self.mean, self.scale
-        return self.first * (1 - math.log(self.first / self.mean)), self.scale * self.first
+        return self.start_value * (1 - math.log(self.start_value / self.mean)), self.scale * self.start_value
 
     def theta(self, value):
         """The coordinate of a value in the linear model of a wide prior: itself, or first (1 + log(value / first)).
@@ -49,22 +49,26 @@ class Parameter(NamedTuple):
         """
         if not self.logarithmic:
             return value
-        ratio = value / self.first
-        return self.first * (2 - 1 / ratio if self.key in LOSSES else 1 + math.log(ratio))
+        ratio = value / self.start_value
+        return self.start_value * (2 - 1 / ratio if self.key in LOSSES else 1 + math.log(ratio))
 
-    def within(self, theta):
+    def clip_theta(self, theta):
         """The coordinate of the linear model within WALL sds of a wide prior."""
         if self.start is None:
             return theta
         return min(max(theta, self.theta(self.value(-WALL))), self.theta(self.value(WALL)))
 
-    def at(self, theta):
+    def value_from_theta(self, theta):
         """The parameter at a coordinate of the linear model: itself, or that of `theta`, `within`."""
         if self.start is None:
             return theta
-        theta = self.within(theta)
-        ahead = theta / self.first - 1
-        value = self.first * (1 / (1 - ahead) if self.key in LOSSES else math.exp(ahead)) if self.logarithmic else theta
+        theta = self.clip_theta(theta)
+        ahead = theta / self.start_value - 1
+        value = (
+            self.start_value * (1 / (1 - ahead) if self.key in LOSSES else math.exp(ahead))
+            if self.logarithmic
+            else theta
+        )
         return min(max(value, self.lo), self.hi)
 
     def value(self, u):
@@ -80,7 +84,7 @@ class Parameter(NamedTuple):
         return abs(self.value(u) * self.scale * sd_u) if self.logarithmic else self.scale * sd_u
 
 
-def declared(record):
+def read_parameters(record):
     """`Parameter`s of the table /priors, in its order; ConfigError for one that no plant has."""
     out = []
     for key, dist, mean, sd in rows(record.tables["priors"], "param", "dist", "mean", "sd"):

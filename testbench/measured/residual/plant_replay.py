@@ -23,7 +23,7 @@ from fpga_model.jit import hot, inner
 from fpga_model.path_clocks import dac_clocks
 from fpga_model.rates import FRAME_TICKS, SLOT_SEQUENCER, TICK_CYCLES
 from testbench.engines import pins
-from testbench.engines.turn import still, turn_of
+from testbench.engines.turn import change_word, still
 from testbench.engines.window import SLOT_WORD
 from testbench.measured.record.replay import CODES, DRIVEN
 
@@ -43,7 +43,7 @@ class Drive(NamedTuple):
 
 
 @inner
-def _words(b, old, new, tick, n):
+def _tick_words(b, old, new, tick, n):
     """Amplitude and rate words of `n` ticks, in which a window may leave others. Mutates `b`."""
     for k in range(n):
         slot = TICK_CYCLES * (tick + k) - 1 - new[VALID]
@@ -61,7 +61,7 @@ def _block(p, a, bank, turn, refs, staged, tick, n, b):
     _, staged = pins.words_of_ticks(p.fpga, codes.drive_codes, codes.sense_codes, n, ONE, staged, False, b)
     count, refs = pins.reference_edges(p.fpga.design, p.fpga.references, turn, bank, tick, tick + n, refs, b)
     drive_clock, sense_clock = dac_clocks(p.fpga)
-    units.block(p.plant, a, tick, n, drive_clock, sense_clock, count, b.edges)
+    units.advance_ticks(p.plant, a, tick, n, drive_clock, sense_clock, count, b.edges)
     return refs, staged
 
 
@@ -80,12 +80,12 @@ def _run(p, a, d, refs, b, codes):
         turn = still(clock, d.phase[n], old[WORD], p.fpga.design.dds_bits)
         head = FRAME_TICKS if new[VALID] < 0 else new[VALID] // TICK_CYCLES - tick
         if head > 0:
-            _words(b, old, new, tick, head)
+            _tick_words(b, old, new, tick, head)
             refs, staged = _block(p, a, d.bank, turn, refs, staged, tick, head, b)
         if head < FRAME_TICKS:
-            turn = turn_of(turn, new[VALID] + SLOT_PI + 1, new[WORD_MID])
-            turn = turn_of(turn, new[VALID] + SLOT_WORD + 1, new[WORD])
-            _words(b, old, new, tick + head, FRAME_TICKS - head)
+            turn = change_word(turn, new[VALID] + SLOT_PI + 1, new[WORD_MID])
+            turn = change_word(turn, new[VALID] + SLOT_WORD + 1, new[WORD])
+            _tick_words(b, old, new, tick + head, FRAME_TICKS - head)
             refs, staged = _block(p, a, d.bank, turn, refs, staged, tick + head, FRAME_TICKS - head, b)
         old = new
 

@@ -18,7 +18,7 @@ from testbench.measured.record import check_tables, firmware_residual, schema
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import simulator
 from testbench.measured.residual.features import OBSERVABLES, bins, demand, features
-from testbench.measured.residual.noise_floor import Group, floor
+from testbench.measured.residual.noise_floor import Group, estimate_floor
 from testbench.run import build
 
 DRAWS, FIRST_DRAW = 4, 10**12  # seeds that no recording has
@@ -51,39 +51,39 @@ class Study(NamedTuple):
     roles: dict
 
 
-def predictions(record, config, kind, engine, draws, progress=None, exact=None):
+def predict_sessions(record, config, kind, engine, draws, progress=None, exact=None):
     """[[{stream: codes}, one for each draw] of each session], and whether the words of R1 are exact.
 
     exact  None: found out by a replay of the firmware
     """
     firmware = build.firmware(config)
-    models = [simulator.drawn(config, FIRST_DRAW + k) for k in range(draws)] or [simulator.quiet(config)]
+    models = [simulator.reseed_noise(config, FIRST_DRAW + k) for k in range(draws)] or [simulator.quiet(config)]
     exact = kind == "R1" and (sound(record) if exact is None else exact)
-    out, known, found = [], {}, sessions(record)
-    for k, session in enumerate(found):
+    out, cache, record_sessions = [], {}, sessions(record)
+    for k, session in enumerate(record_sessions):
         if kind == "R1":
             drive = simulator.drive(record, session, firmware, exact)
-            codes = [engine.driven(model, drive) for model in models]
+            codes = [engine.driven_codes(model, drive) for model in models]
             out.append([dict(zip(("adc_xI", "adc_xQ", "adc_yI", "adc_yQ"), c.T)) for c in codes])
         else:
             # repeats that were told the same have one prediction
             task = simulator.task(record, session)
             key = b"".join(np.asarray(item).tobytes() for item in task)
-            if key not in known:
-                known[key] = [engine.free(model, task) for model in models]
-            out.append(known[key])
+            if key not in cache:
+                cache[key] = [engine.free(model, task) for model in models]
+            out.append(cache[key])
         if progress:
-            progress(f"{kind}, {engine.name} engine", k + 1, len(found))
+            progress(f"{kind}, {engine.name} engine", k + 1, len(record_sessions))
     return out, exact
 
 
 def sound(record):
     """True if the firmware replays to 0 LSB: its words are then known to the clock."""
-    found = firmware_residual.residual(record)
-    return found.decidable and found.first is None
+    replayed = firmware_residual.residual(record)
+    return replayed.decidable and replayed.first is None
 
 
-def study(record, kind, config=None, engine=None, draws=None, progress=None):
+def study_record(record, kind, config=None, engine=None, draws=None, progress=None):
     """`Study` of a checked record.
 
     kind    "R1" or "R2"
@@ -95,18 +95,18 @@ def study(record, kind, config=None, engine=None, draws=None, progress=None):
         raise ValueError(f"kind = {kind!r} is neither R1 nor R2")
     names = [name for name, o in OBSERVABLES.items() if o.driven or kind == "R2"]
     demand(record.streams, names)
-    if kind == "R2" and not schema.known_map(record):
+    if kind == "R2" and not schema.has_supported_map(record):
         raise ConfigError("R2: regmap_sha256 is another firmware's, and R2 runs this one; R1 (--kind R1) does not")
     config = config or check_tables.stated_config(record)
     engine = engine or simulator.FrameSimulator()
     draws = (DRAWS if kind == "R2" else 0) if draws is None else draws
-    predicted, exact = predictions(record, config, kind, engine, draws, progress)
+    predicted, exact = predict_sessions(record, config, kind, engine, draws, progress)
     groups, roles = differences(record, predicted, names)
-    noise, rows = floor(groups), []
+    noise, rows = estimate_floor(groups), []
     for g in groups:
         mean, repeats = g.values.mean(axis=0), len(g.values)
         share = 1 / repeats + (1 / draws if draws else 0.0)
-        white = noise.whiten(g.name, mean) / np.sqrt(share)
+        white = noise.whiten_group(g.name, mean) / np.sqrt(share)
         for k, name in enumerate(names):
             sigma = noise.sigma[g.name][k] * np.sqrt(share)
             rows.append(
@@ -129,11 +129,11 @@ def differences(record, predicted, names):
     """([Group], {group: role}): recorded less predicted features of every segment that is fitted or held out."""
     lsb_v = {name: c.attrs["lsb_V"] for name, c in record.streams.items() if "lsb_V" in c.attrs}
     recorded = {name: c.data for name, c in record.streams.items()}
-    found, rows, roles = sessions(record), {}, {}
+    record_sessions, rows, roles = sessions(record), {}, {}
     for segment in segments(record):
         if segment.role == "none":
             continue
-        k = max(i for i, s in enumerate(found) if s.first <= segment.first)
+        k = max(i for i, s in enumerate(record_sessions) if s.first <= segment.first)
         rows.setdefault(segment.repeat_group, []).append((segment, k))
         roles[segment.repeat_group] = segment.role
     groups = []
@@ -142,7 +142,7 @@ def differences(record, predicted, names):
         values = []
         for segment, k in members:
             have = features(recorded, lsb_v, names, segment.first, frames)
-            begin = segment.first - found[k].first
+            begin = segment.first - record_sessions[k].first
             want = [features(codes, lsb_v, names, begin, frames) for codes in predicted[k]]
             values.append(have - np.mean(want, axis=0))
         groups.append(Group(name, np.stack(values), np.diff(bins(frames))))

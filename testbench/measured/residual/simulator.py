@@ -44,7 +44,7 @@ class Simulator(Protocol):
 
     name: str
 
-    def driven(self, config, drive):
+    def driven_codes(self, config, drive):
         """(frames, 5) ADC codes of a plant that is driven by `plant_replay.Drive`."""
 
     def free(self, config, task):
@@ -57,7 +57,7 @@ def quiet(config):
     return config.model_copy(update={"noise": config.noise.model_copy(update=off)})
 
 
-def drawn(config, seed):
+def reseed_noise(config, seed):
     """The same configuration with another draw of its noise."""
     return config.model_copy(update={"noise": config.noise.model_copy(update={"seed": seed})})
 
@@ -66,13 +66,13 @@ def task(record, session):
     """`Task` of a session of a record."""
     return Task(
         session.frames,
-        _held(record, "stimulus/rate", "rate", session) * DEG,
-        _held(record, "stimulus/temperature", "temperature", session),
+        _frame_values(record, "stimulus/rate", "rate", session) * DEG,
+        _frame_values(record, "stimulus/temperature", "temperature", session),
         writes(record, session),
     )
 
 
-def _held(record, table, key, session):
+def _frame_values(record, table, key, session):
     """Values of a stimulus per frame, held from the frame in which they are stated."""
     edges, values = record.tables[table]["edge"].data, record.tables[table][key].data
     frame = np.arange(session.first, session.first + session.frames)
@@ -87,10 +87,10 @@ def drive(record, session, firmware, replayed=True):
     replayed  the words are those of the firmware on the recorded codes, to the clock; else the recorded ones, whose
               clock within the window is taken for that of a sound firmware
     """
-    told = task(record, session)
+    board_task = task(record, session)
     if not session.powered:
         raise ConfigError(f"plant replay: frame {session.first} is no power-on, where the plant's state would be known")
-    for edge, address, _ in told.writes:
+    for edge, address, _ in board_task.writes:
         name = registers.BY_ADDRESS[address].name
         if name in PHASE_WORDS and edge > SETTLED_EDGES:
             raise ConfigError(f"plant replay: {name} is written at edge {edge}, later than {SETTLED_EDGES}")
@@ -100,12 +100,14 @@ def drive(record, session, firmware, replayed=True):
         end = replay.run(firmware, replay.power_on(), x, o, replay.order(firmware), True)
         bank, table, phase = end.w.bank, o.driven, o.words[: session.frames, replay.WORDS.index("nco_phase")]
     else:
-        bank = _bank(told.writes)
+        bank = _bank(board_task.writes)
         table = _from_words(record, session, firmware)
         phase = record.streams["nco_pword"].data[session.rows].astype(np.int64)
     c = replay.power_on().w.control
     before = np.array([-1, c.frequency_tracker.word, c.frequency_tracker.word, 0, 0, 0, 0], np.int64)
-    return plant_replay.Drive(bank, before, table, np.ascontiguousarray(phase), told.rate_rad_s, told.temp_degc)
+    return plant_replay.Drive(
+        bank, before, table, np.ascontiguousarray(phase), board_task.rate_rad_s, board_task.temp_degc
+    )
 
 
 def _bank(log):
@@ -120,13 +122,13 @@ def _bank(log):
 def _from_words(record, session, firmware):
     """What the windows left, from the recorded words alone: a row shows what the window before it has done."""
     # another firmware's states are not known: its words are taken as those that act
-    own = schema.known_map(record)
-    for name in (*DRIVING, "state")[: len(DRIVING) + own]:
+    supported = schema.has_supported_map(record)
+    for name in (*DRIVING, "state")[: len(DRIVING) + supported]:
         if name not in record.streams:
             raise ConfigError(f"plant replay: {name} is not recorded, and the firmware cannot be replayed")
     column = {name: record.streams[name].data[session.rows].astype(np.int64) for name in record.streams}
     later = {name: np.append(values[1:], values[-1]) for name, values in column.items() if len(values)}
-    state = later["state"] if own else np.full(session.frames, sequencer.LOCKED)
+    state = later["state"] if supported else np.full(session.frames, sequencer.LOCKED)
     kick, kicked = state == sequencer.KICK, firmware.control.agc.kick
     amplitude = np.where(kick, kicked, later["amplitude_word"])
     halfway = np.where(kick, kicked, column["amplitude_word"])
@@ -135,8 +137,8 @@ def _from_words(record, session, firmware):
     valid[0] = -1
     word = later["nco_fword"]
     # while the centre is loaded or corrected the word follows at once, else two clocks later, behind the PI
-    early = np.where(state < sequencer.ACQUIRE, word, column["nco_fword"])
-    rows = (valid, early, word, halfway, amplitude, later["rate_word"], later["quadrature_code"])
+    word_mid = np.where(state < sequencer.ACQUIRE, word, column["nco_fword"])
+    rows = (valid, word_mid, word, halfway, amplitude, later["rate_word"], later["quadrature_code"])
     return np.ascontiguousarray(np.stack(rows, axis=1))
 
 
@@ -153,12 +155,12 @@ class FrameSimulator:
         text = config.model_dump_json()
         if text not in self._built:
             self._built = {text: {}}
-        known = self._built[text]
-        if (lo_degc, hi_degc) not in known:
-            known[lo_degc, hi_degc] = build.params(config, lo_degc, hi_degc)
-        return known[lo_degc, hi_degc]
+        variants = self._built[text]
+        if (lo_degc, hi_degc) not in variants:
+            variants[lo_degc, hi_degc] = build.params(config, lo_degc, hi_degc)
+        return variants[lo_degc, hi_degc]
 
-    def driven(self, config, drive):
+    def driven_codes(self, config, drive):
         temps = drive.temp_degc
         params = self._params(config, float(temps.min()), float(temps.max()))
         return plant_replay.run(params, drive, float(temps.min()))

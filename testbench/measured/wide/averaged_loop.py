@@ -15,8 +15,8 @@ from scipy.linalg import block_diag
 from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_runs
-from testbench.measured.closed_loop.loop_even import even
-from testbench.measured.closed_loop.loop_noise import JITTER, JITTER_HZ, LATER, NOISE_DRAWS, jitter_hz, noise_of
+from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
+from testbench.measured.closed_loop.loop_noise import JITTER, JITTER_HZ, LATER, NOISE_DRAWS, estimate_noise, jitter_hz
 from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 
@@ -56,23 +56,23 @@ class AveragedLoop:
 
     def _rows(self, runs, kind=FAST):
         """(points, features) of runs, condition after condition; None for a point where one leaves its range."""
-        found, n = self.bench.run(runs, kind, lenient=kind == FAST), len(self.conditions)
-        parts = [found[i : i + n] for i in range(0, len(found), n)]
+        results, n = self.bench.run(runs, kind, lenient=kind == FAST), len(self.conditions)
+        parts = [results[i : i + n] for i in range(0, len(results), n)]
         return [None if any(v is None for v in rows) else np.concatenate(rows) for rows in parts]
 
-    def _draws(self, cfg, moved_hz, count, kind=FAST):
+    def _draws(self, cfg, shift_hz, count, kind=FAST):
         per_hz = 8 * np.pi**2 * cfg.plant.mass_kg * cfg.plant.fx_hz
 
         def run(k, draw):
-            hz = float(moved_hz[k] + jitter_hz(draw))
-            told = Model(cfg, (f"force_x = {-per_hz * hz!r} x",))
-            return Run(told, self.conditions[k], SEED + 10_000 * k + draw, None, int(LATER[draw]))
+            hz = float(shift_hz[k] + jitter_hz(draw))
+            shifted_model = Model(cfg, (f"force_x = {-per_hz * hz!r} x",))
+            return Run(shifted_model, self.conditions[k], SEED + 10_000 * k + draw, None, int(LATER[draw]))
 
         rows = self._rows([run(k, d) for d in range(count) for k in range(len(self.conditions))], kind)
         if any(v is None for v in rows):
             raise ConfigError("wide priors: the averaged plant leaves its range")
         jitter = np.mean([jitter_hz(d) for d in range(count)])
-        return np.array(rows) - self._word * (np.asarray(moved_hz)[self.condition] + jitter)
+        return np.array(rows) - self._word * (np.asarray(shift_hz)[self.condition] + jitter)
 
     def power_ons(self, cfg, count):
         """[(count, features) of each condition] of the averaged plant of a configuration."""
@@ -111,7 +111,7 @@ class AveragedLoop:
         out = np.where(self._word, np.hypot(out, JITTER_HZ), out)
         return out / np.sqrt(self.repeats)
 
-    def white(self, u):
+    def whitening_matrix(self, u):
         """(sigma, matrix (n, n) that whitens the features) of the recorded means, by the covariance of power-ons.
 
         As many as the covariance needs. ConfigError where the board does not lock.
@@ -126,38 +126,38 @@ class AveragedLoop:
         if not np.all(sd):
             return sigma, np.diag(1 / sigma)
         slopes = {k: self._word[self.condition == k].astype(float) for k in rows}
-        noise = noise_of({k: (rows[k], slopes[k]) for k in rows}, JITTER[:count])
-        own = np.concatenate([noise[k].sigma for k in rows]) / np.sqrt(self.repeats)
-        return sigma, block_diag(*(np.linalg.inv(noise[k].chol) for k in rows)) / own
+        noise = estimate_noise({k: (rows[k], slopes[k]) for k in rows}, JITTER[:count])
+        mean_sigma = np.concatenate([noise[k].sigma for k in rows]) / np.sqrt(self.repeats)
+        return sigma, block_diag(*(np.linalg.inv(noise[k].chol) for k in rows)) / mean_sigma
 
-    def even(self, u):
+    def slip_free_features(self, u):
         """Features with one noise, without slips of edges; None where the board does not lock."""
-        found = self._even(u, [u])
-        return found and found[0]
+        results = self._slip_free_features(u, [u])
+        return results and results[0]
 
     def columns(self, u, which, sigma, measured=False):
         """(features, columns dy/du of the indices `which`, 0 elsewhere) with one noise, without slips of edges.
 
         measured  the weak directions by steps of their own.  None where the board does not lock
         """
-        held = tied([self._keys[k] for k in which])
-        wanted = [k for k in which if self._keys[k] not in held]
-        found = self._even(u, [u, *(u + self._steps[k] * self._unit[k] for k in wanted)])
-        if found is None:
+        dependents = tied([self._keys[k] for k in which])
+        stepped_indices = [k for k in which if self._keys[k] not in dependents]
+        results = self._slip_free_features(u, [u, *(u + self._steps[k] * self._unit[k] for k in stepped_indices)])
+        if results is None:
             return None
-        base, *moved = found
+        base, *stepped = results
         out = np.zeros((len(base), len(u)))
-        for k, row in zip(wanted, moved):
+        for k, row in zip(stepped_indices, stepped):
             out[:, k] = (row - base) / self._steps[k]
             self._steps[k] = np.clip(AIM / max(np.linalg.norm(out[:, k] / sigma), 1e-9), *STEPS)
-        out = self._tie(out, u, held)
+        out = self._tie(out, u, dependents)
         return base, self._corrected(u, out, sigma) if measured else out
 
-    def _even(self, start, points):
+    def _slip_free_features(self, start, points):
         """Features of points with even references and one noise, from the lock of `start`; None if one fails."""
         try:
             first = self.config(start)
-            models = [Model(even(self.config(point))) for point in points]
+            models = [Model(use_uniform_references(self.config(point))) for point in points]
             rows = self._rows(
                 [Run(m, c, SEED + 10_000 * i, first, 0, True) for m in models for i, c in enumerate(self.conditions)]
             )
@@ -169,17 +169,17 @@ class AveragedLoop:
         """Columns with their weak directions measured; those whose steps fail stay as they are."""
         directions, changes = [], []
         for d, step in weak(columns / sigma[:, None]):
-            found = self._even(u, [u + step * d, u - step * d])
-            if found is not None:
+            results = self._slip_free_features(u, [u + step * d, u - step * d])
+            if results is not None:
                 directions.append(d)
-                changes.append((found[0] - found[1]) / (2 * step))
+                changes.append((results[0] - results[1]) / (2 * step))
         return corrected(columns, directions, changes)
 
-    def _tie(self, columns, u, held):
+    def _tie(self, columns, u, dependents):
         """Columns whose held ones follow from their partners. Mutates `columns`."""
         values = self.values(u)
         per_u = {p.key: p.sd(x, 1.0) for p, x in zip(self.parameters, u)}
         per_unit = {key: columns[:, k] / per_u[key] for k, key in enumerate(self._keys)}
-        for key, symmetry in held.items():
+        for key, symmetry in dependents.items():
             columns[:, self._keys.index(key)] = symmetry.column(values, per_unit) * per_u[key]
         return columns

@@ -83,17 +83,17 @@ class Estimate(NamedTuple):
     def lines(self):
         """Lines for the report: how the stages have ended."""
         end = f"rms of the features {self.rms:.3g} sigmas" + ("" if self.converged else ", NOT converged")
-        told = f"wide priors: {len(self.parameters)} parameters from the record itself, {end}"
-        return (told, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall), *self.noise)
+        summary = f"wide priors: {len(self.parameters)} parameters from the record itself, {end}"
+        return (summary, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall), *self.noise)
 
 
 class Work:
     """Point, prediction and columns there, and what is needed to move it."""
 
     def __init__(self, loop, progress=None):
-        self.loop, self.progress, self.steps, self.known = loop, progress, [], None
-        self.u, self.white = np.zeros(len(loop.parameters)), None
-        self.beyond = 0.0  # what the exact engine has besides the averaged plant
+        self.loop, self.progress, self.steps, self.last_columns = loop, progress, [], None
+        self.u, self.whitening = np.zeros(len(loop.parameters)), None
+        self.exact_excess = 0.0  # what the exact engine has besides the averaged plant
         first = loop.mean(self.u, NOISE)
         if first is None:
             raise ConfigError("wide priors: the configured board does not lock under the conditions of the record")
@@ -104,8 +104,8 @@ class Work:
 
         In the last stage by their covariance, before it by 1 / sigma; the rms of an observable counts as CAP at most.
         """
-        if self.white is not None:
-            return self.white
+        if self.whitening is not None:
+            return self.whitening
         z = self.loop.residual(predicted) / self.sigma
         w = np.zeros(len(z))
         for name in observables:
@@ -131,30 +131,30 @@ class Work:
 
     def features(self, u):
         """Features at a point: of the averaged plant, and what the exact engine has beyond it. None without lock."""
-        even = self.loop.even(u)
-        return None if even is None else even + self.beyond
+        slip_free = self.loop.slip_free_features(u)
+        return None if slip_free is None else slip_free + self.exact_excess
 
-    def exact(self, stage):
+    def run_exact_stage(self, stage):
         """The last stage, on the averaged plant beside the exact engine, until another look at both moves little.
 
         The difference is of slips and jumps with the point; the averaged plant is smooth. True if it moved little.
         """
         # gains and Q of the board, and with them its noise, are known by now
         try:
-            self.sigma, self.white = self.loop.white(self.u)
+            self.sigma, self.whitening_matrix = self.loop.whitening_matrix(self.u)
         except ConfigError:
             return False
-        for look in range(LOOKS):
-            mean, even = self.loop.mean(self.u, DRAWS, EXACT), self.loop.even(self.u)
-            if mean is None or even is None:
+        for attempt in range(LOOKS):
+            mean, slip_free = self.loop.mean(self.u, DRAWS, EXACT), self.loop.slip_free_features(self.u)
+            if mean is None or slip_free is None:
                 return False
-            self.beyond, begun = mean[0] - even, even
-            ended = self.stage(stage, self.known[1] if look else None)
-            if ended and np.linalg.norm(self.white @ (self.loop.even(self.u) - begun)) < NEAR:
+            self.exact_excess, begun = mean[0] - slip_free, slip_free
+            ended = self.run_stage(stage, self.last_columns[1] if attempt else None)
+            if ended and np.linalg.norm(self.whitening @ (self.loop.slip_free_features(self.u) - begun)) < NEAR:
                 return True
         return False
 
-    def stage(self, stage, columns=None):
+    def run_stage(self, stage, columns=None):
         """Gauss-Newton steps of a stage within a region that is trusted; True if the last one was short.
 
         A step is taken where it lowers the cost. The region grows and shrinks with what a step has kept of its promise.
@@ -163,67 +163,67 @@ class Work:
         which = [k for k, key in enumerate(keys) if not stage.keys or key in stage.keys]
         if not which:
             return True
-        radius, here = REGION, self.features(self.u)
-        if here is None:
+        radius, features = REGION, self.features(self.u)
+        if features is None:
             return False
         for k in range(stage.steps):
             if self.progress:
                 self.progress(f"wide priors: {stage.name}", k, stage.steps)
             fresh = columns is None
             if fresh:
-                found = self.loop.columns(self.u, which, self.sigma, measured=not stage.keys)
-                if found is None:
+                results = self.loop.columns(self.u, which, self.sigma, measured=not stage.keys)
+                if results is None:
                     return False
-                columns = found[1][:, which]
-                self.known = which, columns
-            w, gap = self.weights(here, stage.observables), self.loop.residual(here)
-            wanted, a, b = self.step(gap, columns, which, w, REGION)
-            change = wanted if radius == REGION else self.step(gap, columns, which, w, radius)[0]
+                columns = results[1][:, which]
+                self.last_columns = which, columns
+            w, gap = self.weights(features, stage.observables), self.loop.residual(features)
+            full_step, a, b = self.step(gap, columns, which, w, REGION)
+            change = full_step if radius == REGION else self.step(gap, columns, which, w, radius)[0]
             ahead = self.u.copy()
             ahead[which] += change
-            there = self.features(ahead)
-            before = self.cost(self.u, here, w)
+            new_features = self.features(ahead)
+            before = self.cost(self.u, features, w)
             promised = float(b @ b - np.sum((b - a @ change) ** 2))
-            kept = (before - self.cost(ahead, there, w)) / max(promised, TINY)
-            moved, free = (float(np.linalg.norm((a @ d)[: len(w)])) for d in (change, wanted))
-            self.steps.append(Step(stage.name, self.rms(here, stage.observables), moved, kept, radius))
-            if kept > GOOD:
+            gain_ratio = (before - self.cost(ahead, new_features, w)) / max(promised, TINY)
+            step_sigma, free = (float(np.linalg.norm((a @ d)[: len(w)])) for d in (change, full_step))
+            self.steps.append(Step(stage.name, self.rms(features, stage.observables), step_sigma, gain_ratio, radius))
+            if gain_ratio > GOOD:
                 radius = min(REGION, radius / SHRINK)
-            elif kept < POOR and fresh:
+            elif gain_ratio < POOR and fresh:
                 radius = SHRINK * min(radius, float(np.max(np.abs(change))))
-            if kept > 0:
-                missed = np.linalg.norm(w @ (there - here - columns @ change))
-                self.u, here = ahead, there
+            if gain_ratio > 0:
+                missed = np.linalg.norm(w @ (new_features - features - columns @ change))
+                self.u, features = ahead, new_features
             # a small region makes a step short, but is no end; a short step that new columns break their word for is
-            if free < max(NEAR, SHORT * float(np.linalg.norm(b))) or (kept <= 0 and fresh and free < 2 * NEAR):
+            if free < max(NEAR, SHORT * float(np.linalg.norm(b))) or (gain_ratio <= 0 and fresh and free < 2 * NEAR):
                 return True
-            if (kept > 0 and missed > max(NEAR, MISSED * moved)) or (kept <= 0 and not fresh):
+            if (gain_ratio > 0 and missed > max(NEAR, MISSED * step_sigma)) or (gain_ratio <= 0 and not fresh):
                 columns = None
         return False
 
-    def elsewhere(self, ended):
+    def try_other_minima(self, ended):
         """Two stages again from a split an sd to both sides where they ended above FITTED; stays at the lowest cost.
 
         The ring at the split has a phase at the end of each bin, so the cost has more than one minimum along f_y.
         True if the stage of the lowest has ended (`ended`: the first one).
         """
         keys, last = [p.key for p in self.loop.parameters], STAGES[ALL]
-        here = self.loop.even(self.u)
-        if SPLIT not in keys or here is None or self.rms(here, last.observables) < FITTED:
+        features = self.loop.slip_free_features(self.u)
+        if SPLIT not in keys or features is None or self.rms(features, last.observables) < FITTED:
             return ended
-        begun, weights, found = self.u, self.weights(here, last.observables), []
-        found.append((self.cost(begun, here, weights), 0, begun, ended))
+        begun, weights, candidates = self.u, self.weights(features, last.observables), []
+        candidates.append((self.cost(begun, features, weights), 0, begun, ended))
         for side in (-1, 1):
             self.u = begun.copy()
             self.u[keys.index(SPLIT)] = np.clip(begun[keys.index(SPLIT)] + side, -WALL, WALL)
             if RING in keys:
                 self.u[keys.index(RING)] = 0.0
-            ended = [self.stage(stage) for stage in STAGES[ALL - 1 : ALL + 1]][-1]
-            there = self.loop.even(self.u)
-            found.append((self.cost(self.u, there, weights), side, self.u, ended))
-            if there is not None and self.rms(there, last.observables) < FITTED:
+            ended = [self.run_stage(stage) for stage in STAGES[ALL - 1 : ALL + 1]][-1]
+            new_features = self.loop.slip_free_features(self.u)
+            candidates.append((self.cost(self.u, new_features, weights), side, self.u, ended))
+            if new_features is not None and self.rms(new_features, last.observables) < FITTED:
                 break
-        *_, self.u, ended = min(found)
+        *_, self.u, ended = min(candidates)
         return ended
 
 
@@ -233,15 +233,15 @@ def estimate(measured, model, parameters, bench, progress=None):
     work = Work(loop, progress)
     ends = []
     for stage in STAGES:
-        ends.append(work.exact(stage) if stage is STAGES[-1] else work.stage(stage))
+        ends.append(work.run_exact_stage(stage) if stage is STAGES[-1] else work.run_stage(stage))
         if stage is STAGES[ALL]:
-            ends[-1] = work.elsewhere(ends[-1])
-    found = tuple(p._replace(start=p.value(float(x))) for p, x in zip(parameters, work.u))
+            ends[-1] = work.try_other_minima(ends[-1])
+    fitted_parameters = tuple(p._replace(start=p.value(float(x))) for p, x in zip(parameters, work.u))
     walls = tuple(p.key for p, x in zip(parameters, work.u) if abs(x) > WALL - 1e-6)
     end = loop.mean(work.u, DRAWS, EXACT)
     if end is None:
         raise ConfigError(
             "wide priors: the stages end at a board that does not lock under the conditions of the record"
         )
-    cfg, noise = noise_levels.of_repeats(loop, loop.config(work.u))
-    return Estimate(found, cfg, tuple(work.steps), walls, work.rms(end[0], NAMES), ends[-1], noise)
+    cfg, noise = noise_levels.estimate_flicker(loop, loop.config(work.u))
+    return Estimate(fitted_parameters, cfg, tuple(work.steps), walls, work.rms(end[0], NAMES), ends[-1], noise)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import helmert
 
 from testbench import config as configuration
-from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_runs import NAMES
 
 KEY = "plant.sid_flicker_v_per_rthz"
@@ -20,10 +20,10 @@ SLOW, BINS = ("force", "v_q2"), 3  # observables and longest bins of a dwell whe
 DRAWS = 16  # power-ons of each condition
 LEVELS = np.exp(np.linspace(0.0, np.log(10.0), 60))
 PRIOR = np.log(2.0)  # sd of the logarithm of a level
-TOLD = 16.0  # gain of -2 ln of the posterior over the declared level: four sigmas, for W and F are of few draws
+REPORT_GAIN = 16.0  # gain of -2 ln of the posterior over the declared level: four sigmas, for W and F are of few draws
 
 
-def of_repeats(loop, cfg):
+def estimate_flicker(loop, cfg):
     """(configuration with the level, lines) of an `AveragedLoop` at the board of a configuration."""
     bins = min(BINS, *(rows.shape[1] // len(NAMES) for rows in loop.recorded))
     # orthonormal contrasts of n repeats: n - 1 rows with the variance of one
@@ -32,21 +32,24 @@ def of_repeats(loop, cfg):
     if not any(map(len, contrasts)) or not declared or not cfg.noise.flicker:
         return cfg, ()
 
-    def draws(of):
+    def slow_draws(of):
         return np.stack([_slow(rows, bins) for rows in loop.power_ons(of, DRAWS)])
 
-    without = configuration.changed(cfg, {KEY: 0.0})
-    rest, flicker = draws(without), draws(even(cfg)) - draws(even(without))
-    rest -= rest.mean(axis=1, keepdims=True)
-    level, gain = likeliest(contrasts, covariances(rest), covariances(flicker))
-    told = f"noise: 1/f noise of the demodulators: {level:.2g} times the declared level, as the repeats differ"
-    return configuration.changed(cfg, {KEY: level * declared}), (told,) if gain > TOLD else ()
+    no_flicker = configuration.changed(cfg, {KEY: 0.0})
+    other_noise, flicker = (
+        slow_draws(no_flicker),
+        slow_draws(use_uniform_references(cfg)) - slow_draws(use_uniform_references(no_flicker)),
+    )
+    other_noise -= other_noise.mean(axis=1, keepdims=True)
+    level, gain = likeliest(contrasts, covariances(other_noise), covariances(flicker))
+    text = f"noise: 1/f noise of the demodulators: {level:.2g} times the declared level, as the repeats differ"
+    return configuration.changed(cfg, {KEY: level * declared}), (text,) if gain > REPORT_GAIN else ()
 
 
-def likeliest(contrasts, rest, flicker):
+def likeliest(contrasts, other_covariances, flicker):
     """(level s, its gain over 1 in -2 ln) of rows of each condition; covariances (conditions, n, n)."""
     cost = (np.log(LEVELS) / PRIOR) ** 2
-    for rows, w, f in zip(contrasts, rest, flicker):
+    for rows, w, f in zip(contrasts, other_covariances, flicker):
         # a code at its limit does not scatter, and tells nothing
         if not np.all(np.diag(w)):
             continue

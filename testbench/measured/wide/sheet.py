@@ -39,10 +39,10 @@ def read(path):
 
 def parameters(model, tolerances, declared=()):
     """`Parameter`s of a sheet about a configuration, behind those that a record declares."""
-    out, known = list(declared), {p.key for p in declared}
+    out, declared_keys = list(declared), {p.key for p in declared}
     for key, (kind, tolerance) in tolerances.items():
         field, mean = LIMITS[key], float(getattr(model.plant, key.partition(".")[2]))
-        if key in known:
+        if key in declared_keys:
             continue
         if not mean or (kind == "factor" and mean < 0):
             raise ConfigError(f"data sheet: {key} = {mean:g}: a {kind} tolerance needs another value")

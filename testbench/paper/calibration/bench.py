@@ -103,9 +103,11 @@ class Bench:
         self.write("frequency_fixed", dds.word_of_hz(config.firmware.nominal_frequency_hz + OFFSET_HZ, self.design))
         self.wait(OFFSET_WAIT_S)
         rows = self.record(OFFSET_S)
-        found = {name: rows.hann(name) for name in ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")}
+        offsets = {
+            name: rows.hann(name) for name in ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")
+        }
         self.write("control", sequencer.RUN)
-        return found
+        return offsets
 
     def _ticks(self, seconds):
         return round(seconds * self.design.tick_hz)
@@ -256,8 +258,8 @@ class Judge:
         bare = config.model_copy(
             update={"firmware": config.firmware.model_copy(update={f"{n}_deg": 0.0 for n in PHASE_REGISTERS})}
         )
-        known = budget.budget(bare, self.temp_degc, frequency_hz)
-        node, loop = known.node_deg(), known.loop_deg()
+        phase_budget = budget.budget(bare, self.temp_degc, frequency_hz)
+        node, loop = phase_budget.node_deg(), phase_budget.loop_deg()
         return Residuals(
             {
                 "xe1": node["xe1"] - words["phase_drive_sine"],

@@ -55,7 +55,7 @@ class Readings(NamedTuple):
     grid_deg: np.ndarray
     common_deg: float = 0.0  # standard uncertainty that no repeat shows
 
-    def moved(self, degrees):
+    def add_angle(self, degrees):
         """The same with `degrees` added to each."""
         return self._replace(deg=self.deg + degrees)
 
@@ -92,9 +92,9 @@ def join_passes(first, second):
 class Pass(NamedTuple):
     """One pass of the procedure: what each step found, and what else was seen on the way."""
 
-    found: dict  # node -> Estimate, before the word was moved
-    seen: dict
-    left_deg: dict  # node -> expanded uncertainty of what is left of it afterwards
+    estimates: dict  # node -> Estimate, before the word was moved
+    observations: dict
+    remaining_deg: dict  # node -> expanded uncertainty of what is left of it afterwards
 
 
 class Calibration(NamedTuple):
@@ -130,11 +130,11 @@ def _stamped(bench, rows, of="drive"):
     return words, grid.start(words, rows.stamps, bench.read(f"phase_{of}_ref"), bench.grid)
 
 
-def late(bench, rows, weights, channel="drive", of="drive", cosine=False):
+def pin_delay(bench, rows, weights, channel="drive", of="drive", cosine=False):
     """`grid.Late` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel whose pin was stamped."""
     words, begun = _stamped(bench, rows, of)
     offset = bench.read(f"phase_{channel}_ref") + cosine * bench.grid.turn // 4
-    return grid.late(words, weights, begun, offset, bench.grid)
+    return grid.edge_delay(words, weights, begun, offset, bench.grid)
 
 
 def rung(bench, rows, omega):
@@ -144,26 +144,26 @@ def rung(bench, rows, omega):
     """
     words, begun = _stamped(bench, rows)
     weights, step, x = grid.hann(len(rows)), omega * bench.frame_s, rows["adc_sense_cos"].astype(float)
-    seen = 2 * abs(np.sum(weights * (x - x.mean()) * np.exp(-1j * step * np.arange(len(x))))) / weights.sum()
+    ring_amplitude = 2 * abs(np.sum(weights * (x - x.mean()) * np.exp(-1j * step * np.arange(len(x))))) / weights.sum()
     corner_hz = sid.corner_hz(bench.drawing.sid_r_ohm * bench.drawing.sid_c_f)
     ahead = abs(1 + 1j * omega / (2 * math.pi * corner_hz)) ** sid.STAGES
     line = grid.line_deg(words, weights, begun, bench.read("phase_sense_ref"), bench.grid, step)
-    return seen * ahead * math.radians(line) / math.sqrt(2)
+    return ring_amplitude * ahead * math.radians(line) / math.sqrt(2)
 
 
 def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
     """`Readings` of the lag of an electrode voltage behind its undisplaced sgn(sin); sgn(cos) is read as well."""
-    turned, found, left = TurnedReading(bench), [], []
-    behind = bench.phases_deg()[f"phase_{channel}_ref"]
+    turned, lags_deg, grid_sd_deg = TurnedReading(bench), [], []
+    reference_deg = bench.phases_deg()[f"phase_{channel}_ref"]
     for turn in turns_deg:
         turned.to(turn)
         r, rows = bench.counter(channel)
-        known = behind - (turn if channel == "drive" else 0.0)
-        pins = [late(bench, rows, grid.hann(len(rows)), channel, channel, cosine) for cosine in (False, True)]
-        found.append((r.lag_deg + r.cos_lag_deg + pins[0].deg + pins[1].deg) / 2 - known)
-        left.append((pins[0].sd_deg + pins[1].sd_deg) / 2)
+        displacement_deg = reference_deg - (turn if channel == "drive" else 0.0)
+        pins = [pin_delay(bench, rows, grid.hann(len(rows)), channel, channel, cosine) for cosine in (False, True)]
+        lags_deg.append((r.lag_deg + r.cos_lag_deg + pins[0].deg + pins[1].deg) / 2 - displacement_deg)
+        grid_sd_deg.append((pins[0].sd_deg + pins[1].sd_deg) / 2)
     turned.to(0.0)
-    return Readings(np.array(found), np.array(left))
+    return Readings(np.array(lags_deg), np.array(grid_sd_deg))
 
 
 def offset_deg(bench):
@@ -179,7 +179,7 @@ def detune(bench, angles_deg=DETUNE_DEG):
     by w/Q tan(theta) between the sides: 1/(2 Q) of angle. The frequency loop holds x where signal and offset of its
     demodulator cancel, so the offset's angle is added; it follows a late pin, so the force is ahead by as much.
     """
-    turned, angles, left = TurnedReading(bench), [], []
+    turned, angles, grid_sd_deg = TurnedReading(bench), [], []
     side = 1.0
     for theta in angles_deg:
         level, pin = {}, {}
@@ -187,13 +187,13 @@ def detune(bench, angles_deg=DETUNE_DEG):
             turned.to(sign * theta)
             rows = bench.stamped(DETUNE_S)
             level[sign] = math.log(rows.mean("amplitude_word") / rows.mean("frequency_word"))
-            pin[sign] = late(bench, rows, np.ones(len(rows)))
-        ahead, apart = (pin[1.0].deg + pin[-1.0].deg) / 2, (pin[1.0].deg - pin[-1.0].deg) / 2
-        angles.append(log_cosine_ratio(theta + apart, level[1.0] - level[-1.0]) + ahead)
-        left.append(math.hypot(pin[1.0].sd_deg, pin[-1.0].sd_deg) / 2)
+            pin[sign] = pin_delay(bench, rows, np.ones(len(rows)))
+        ahead, half_difference = (pin[1.0].deg + pin[-1.0].deg) / 2, (pin[1.0].deg - pin[-1.0].deg) / 2
+        angles.append(log_cosine_ratio(theta + half_difference, level[1.0] - level[-1.0]) + ahead)
+        grid_sd_deg.append(math.hypot(pin[1.0].sd_deg, pin[-1.0].sd_deg) / 2)
         side = -side  # the next angle begins where this one ends
     turned.to(0.0)
-    return Readings(np.array(angles) + offset_deg(bench), np.array(left))
+    return Readings(np.array(angles) + offset_deg(bench), np.array(grid_sd_deg))
 
 
 def minimum(bench):
@@ -201,12 +201,12 @@ def minimum(bench):
     _fix_sense(bench, 2.0)
     levels, turns, at = [], [], 0.0
     for turn in (*SCAN_DEG, *reversed(SCAN_DEG)):
-        at = _stepped(bench, at, turn)
+        at = _turn_references(bench, at, turn)
         bench.settle(SETTLE_S - 0.5)
         rows = bench.stamped(SCAN_S)
         levels.append(math.log(rows.mean("amplitude_word")))
-        turns.append(turn - late(bench, rows, np.ones(len(rows))).deg)
-    _stepped(bench, at, 0.0)
+        turns.append(turn - pin_delay(bench, rows, np.ones(len(rows))).deg)
+    _turn_references(bench, at, 0.0)
     bench.set_control(0)
     bench.settle(SETTLE_S)
     # ln A_d = c - ln cos(psi + turn): linear in tan(psi) once the known cosine is taken out
@@ -216,17 +216,17 @@ def minimum(bench):
     slope, weights = 0.0, np.ones_like(turn)
     for _ in range(20):
         # -ln(1 - s tan(turn)) = s tan(turn) + rest
-        rest = -np.log1p(-slope * np.tan(turn)) - slope * np.tan(turn)
-        coefficients = np.linalg.lstsq(basis * weights[:, None], (y - rest) * weights, rcond=None)[0]
+        nonlinear_part = -np.log1p(-slope * np.tan(turn)) - slope * np.tan(turn)
+        coefficients = np.linalg.lstsq(basis * weights[:, None], (y - nonlinear_part) * weights, rcond=None)[0]
         slope = coefficients[1]
-    residual = y - rest - basis @ coefficients
+    residual = y - nonlinear_part - basis @ coefficients
     freedom = len(turn) - 2
     sd = math.sqrt(residual @ residual / freedom * np.linalg.inv(basis.T @ basis)[1, 1])
     k = float(stats.t.ppf((1 + COVERAGE) / 2, freedom))
     return Estimate(math.degrees(math.atan(slope)) + offset_deg(bench), math.degrees(k * sd))
 
 
-def _stepped(bench, at, turn):
+def _turn_references(bench, at, turn):
     """Turn the drive references from `at` to `turn` (deg) in steps well below the loop's limit of 30 deg."""
     while abs(turn - at) > 1e-9:
         step = math.copysign(min(abs(turn - at), 12.0), turn - at)
@@ -252,13 +252,13 @@ def force_interval(bench, turns_deg=COUNTER_TURNS_DEG):
     _fix_sense(bench, 1.0)
     bench.write("rate_fixed", FORCE_WORD)
     bench.settle(0.2)
-    found = interval(bench, "sense", turns_deg)
+    readings = interval(bench, "sense", turns_deg)
     bench.set_control(0)
     bench.settle(SETTLE_S)
-    return found
+    return readings
 
 
-def ring(codes, split_hz, frame_s):
+def fit_ring(codes, split_hz, frame_s):
     """Split (rad/s) and decay time (s) of the line that rings in a record of codes, near the drawing's split."""
     x = codes - codes.mean()
     n = len(x)
@@ -279,7 +279,7 @@ def ring(codes, split_hz, frame_s):
     return omega, -1.0 / float(np.polyfit(t, level, 1)[0])
 
 
-def ring_of_step(codes, split_hz, decay_s, rc_s, frame_s):
+def fit_step_ring(codes, split_hz, decay_s, rc_s, frame_s):
     """As `ring`, of a line that has gone before the codes are read: from the codes right after a chop.
 
     decay_s  of the drawing;  rc_s  of the demodulator, whose own transient is left out
@@ -293,8 +293,8 @@ def ring_of_step(codes, split_hz, decay_s, rc_s, frame_s):
         basis = np.stack([line.real, line.imag, np.ones_like(t)], axis=1)
         return basis @ np.linalg.lstsq(basis, x, rcond=None)[0] - x
 
-    found = least_squares(residual, (1.0, 1.0), bounds=((RING_PARTS[0], 0.1), (RING_PARTS[1], 10.0))).x
-    return found[0] * 2 * math.pi * split_hz, found[1] * decay_s
+    scales = least_squares(residual, (1.0, 1.0), bounds=((RING_PARTS[0], 0.1), (RING_PARTS[1], 10.0))).x
+    return scales[0] * 2 * math.pi * split_hz, scales[1] * decay_s
 
 
 def chop(bench, turns_deg=CHOP_TURNS_DEG):
@@ -307,7 +307,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     drawing = bench.drawing
     split_hz, decay_s = drawing.fx_hz - drawing.fy_hz, drawing.qy / (math.pi * drawing.fy_hz)
     rc_s = 2 * drawing.sid_r_ohm * drawing.sid_c_f  # of a group that is closed half the time
-    turned, angles, left, opened, closed, rings = TurnedReading(bench), [], [], [], [], []
+    turned, angles, grid_sd_deg, opened, closed, rings = TurnedReading(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)
         levels, records, steps = [], [], []
@@ -319,16 +319,16 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
             records.append(rows)
         (i0, q0), (i1, q1), (i2, q2) = levels
-        moved = q1 - (q0 + q2) / 2
+        quadrature_step = q1 - (q0 + q2) / 2
         weights = grid.hann(len(records[1]))
-        x, y = (late(bench, records[1], weights, channel) for channel in ("drive", "sense"))
-        angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / moved)) - x.deg + y.deg)
+        x, y = (pin_delay(bench, records[1], weights, channel) for channel in ("drive", "sense"))
+        angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / quadrature_step)) - x.deg + y.deg)
         if decay_s < CHOP_SETTLE_S * bench.pace / 4:
-            rings.append(ring_of_step(steps[1], abs(split_hz), decay_s, rc_s, bench.frame_s))
+            rings.append(fit_step_ring(steps[1], abs(split_hz), decay_s, rc_s, bench.frame_s))
         else:
-            rings.append(ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz), bench.frame_s))
+            rings.append(fit_ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz), bench.frame_s))
         off = [share * rung(bench, rows, rings[-1][0]) for share, rows in zip((0.5, 1.0, 0.5), records)]
-        left.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / moved)))
+        grid_sd_deg.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / quadrature_step)))
         opened.append(abs(q1))
         closed.append(abs(i0))
     turned.to(0.0)
@@ -339,8 +339,10 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     split = math.copysign(split, split_hz)
     lead_deg = math.degrees(math.atan(2 * drive / (decay_s * split * (2 * drive - split))))
     decay_spread = float(np.std([r[1] for r in rings])) / decay_s
-    found = Readings(np.array(angles) + lead_deg - offset_deg(bench), np.array(left), lead_deg * decay_spread)
-    seen = {
+    phase_readings = Readings(
+        np.array(angles) + lead_deg - offset_deg(bench), np.array(grid_sd_deg), lead_deg * decay_spread
+    )
+    observations = {
         "force_word": word,
         "null_v": math.sqrt(u / 2**32) * bench.drawing.quad_dac_span_v,
         "quadrature_code": float(np.mean(opened)),
@@ -349,7 +351,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         "decay_s": decay_s,
         "mode_lead_deg": lead_deg,
     }
-    return found, seen
+    return phase_readings, observations
 
 
 # what a reading falls by for the words: +1 is the word's own degrees
@@ -373,27 +375,27 @@ def one_pass(bench, compare, say=None, before=None):
     before   readings of an earlier pass, which count as these do
     compare  take the minimum of A_d, too
     """
-    found, seen, kept, best = {}, {}, {}, {}
+    estimates, observations, zero_readings, best = {}, {}, {}, {}
     for node, measure in STEPS.items():
         if say:
             say(node)
         if compare and node == "xe2":
-            seen["xe2_minimum"] = minimum(bench)
+            observations["xe2_minimum"] = minimum(bench)
         readings, more = measure(bench)
-        seen |= more
+        observations |= more
         words = bench.phases_deg()
-        there = sum(sign * words[name] for name, sign in WORDS[node].items())
-        found[node] = readings.estimate()
-        kept[node] = readings.moved(there)
+        word_deg = sum(sign * words[name] for name, sign in WORDS[node].items())
+        estimates[node] = readings.estimate()
+        zero_readings[node] = readings.add_angle(word_deg)
         if before:
-            kept[node] = join_passes(before[node], kept[node])
-        best[node] = kept[node].estimate()
-        bench.advance_phase_deg(REGISTER[node], WORDS[node][REGISTER[node]] * (best[node].deg - there))
+            zero_readings[node] = join_passes(before[node], zero_readings[node])
+        best[node] = zero_readings[node].estimate()
+        bench.advance_phase_deg(REGISTER[node], WORDS[node][REGISTER[node]] * (best[node].deg - word_deg))
         bench.settle(SETTLE_S)
     # xe2 counts from x's force, ye2 from where x stands: their uncertainties add
     u = {node: e.uncertainty_deg for node, e in best.items()}
     total = u | {"xe2": math.hypot(u["xe2"], u["xe1"]), "ye2": math.hypot(u["ye2"], u["xe2"], u["xe1"])}
-    return Pass(found, seen, total), kept
+    return Pass(estimates, observations, total), zero_readings
 
 
 def calibrate(bench, compare=True, say=None):
@@ -408,7 +410,7 @@ def calibrate(bench, compare=True, say=None):
     for number, node in enumerate(NODES, 2):
         words[REGISTER[node]] = last[REGISTER[node]]
         cases[number] = dict(words)
-    return Calibration(cases, first, second, second.left_deg)
+    return Calibration(cases, first, second, second.remaining_deg)
 
 
 __all__ = ["NODES", "PHASE_REGISTERS", "REGISTER", "Calibration", "Estimate", "Pass", "calibrate", "chop", "detune"]

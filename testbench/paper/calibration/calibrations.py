@@ -13,7 +13,7 @@ from testbench import config as configuration
 from testbench.paper.calibration import boards
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.calibration.calibrate import NODES, REGISTER, calibrate
-from testbench.storage.files import together, write_text
+from testbench.storage.files import atomic_outputs, write_text
 
 PAPER_LEVEL_DEG, TARGET_DEG = 0.012, 0.002
 
@@ -21,12 +21,12 @@ PAPER_LEVEL_DEG, TARGET_DEG = 0.012, 0.002
 def one(config, temp_degc, compare, say, engine=None):
     """Calibrate one board; the dict that `--json` prints of it."""
     bench = Bench(config, 0.0, temp_degc, engine)
-    done = calibrate(bench, compare, say)
+    calibration = calibrate(bench, compare, say)
     truth = Judge(bench).residuals()
     words = bench.phases_deg()
-    uncertainty = done.uncertainty_deg
-    again = {node: done.second.found[node] for node in NODES}
-    first = done.first.found
+    uncertainty = calibration.uncertainty_deg
+    again = {node: calibration.second.estimates[node] for node in NODES}
+    first = calibration.first.estimates
     out = {
         "residual_deg": {node: truth.deg[node] for node in NODES},
         "uncertainty_deg": uncertainty,
@@ -35,14 +35,14 @@ def one(config, temp_degc, compare, say, engine=None):
         "found_uncertainty_deg": {node: first[node].uncertainty_deg for node in NODES},
         "second_pass_deg": {node: again[node].deg for node in NODES},
         "second_pass_uncertainty_deg": {
-            node: math.hypot(again[node].uncertainty_deg, done.first.left_deg[node]) for node in NODES
+            node: math.hypot(again[node].uncertainty_deg, calibration.first.remaining_deg[node]) for node in NODES
         },
         "registers": {name: offset_of_deg(value, bench.design) for name, value in words.items()},
         "phases_deg": words,
-        "cases_deg": {str(case): values for case, values in done.cases.items()},
+        "cases_deg": {str(case): values for case, values in calibration.cases.items()},
         "frequency_hz": truth.frequency_hz,
         "minutes": bench.time_s / 60,
-        "seen": {k: (v._asdict() if hasattr(v, "_asdict") else v) for k, v in done.first.seen.items()},
+        "seen": {k: (v._asdict() if hasattr(v, "_asdict") else v) for k, v in calibration.first.observations.items()},
         "locked": bench.locked,
     }
     return out
@@ -53,16 +53,16 @@ def many(base, count, seed, temp_degc=25.0, compare=False, progress=None, engine
 
     engine  name of an engine instead of that of the configuration
     """
-    configs = [base] if count == 1 and seed is None else boards.draws(base, 0 if seed is None else seed, count)
+    configs = [base] if count == 1 and seed is None else boards.draw_boards(base, 0 if seed is None else seed, count)
     out = []
     for number, config in enumerate(configs):
 
-        def say(step, number=number):
+        def report_board(step, number=number):
             if progress:
                 progress(f"board {number + 1}: {step}", number, len(configs))
 
-        say("start")
-        out.append(one(config, temp_degc, compare, say, engine) | {"board": number})
+        report_board("start")
+        out.append(one(config, temp_degc, compare, report_board, engine) | {"board": number})
     return out
 
 
@@ -70,9 +70,9 @@ def summary(results):
     """Verdict over boards: largest residual of each phase, how often the uncertainty covers it, and the two levels."""
     rows = {}
     for node in NODES:
-        left = [abs(r["residual_deg"][node]) for r in results]
+        residuals_deg = [abs(r["residual_deg"][node]) for r in results]
         rows[node] = {
-            "largest_deg": max(left),
+            "largest_deg": max(residuals_deg),
             "covered": sum(r["covered"][node] for r in results),
             "unchanged": sum(
                 abs(r["second_pass_deg"][node]) <= r["second_pass_uncertainty_deg"][node] for r in results
@@ -104,7 +104,7 @@ def write_cases(results, base, seed, directory):
         board = base if lone else boards.draw(base, seed or 0, result["board"])
         for case, values in result["cases_deg"].items():
             texts[folder / f"case_{case}.toml"] = configuration.to_toml(case_config(board, values))
-    with together():
+    with atomic_outputs():
         for path, text in texts.items():
             write_text(path, text)
     return list(texts)

@@ -42,15 +42,15 @@ def _responses(poles_s, instant_s, tick_s):
     """Electrode voltage at TABLE + 1 instants of a tick: weights of the chain state, of the held input, of the step."""
     rates = 1.0 / np.asarray(poles_s)
     a = np.diag(-rates) + np.diag(rates[1:], -1)
-    once = expm(a * (tick_s / TABLE))
+    transition = expm(a * (tick_s / TABLE))
     free = np.empty((TABLE + 1, 3))
     state = np.eye(3)
     for k in range(TABLE + 1):
         free[k] = state[2]
-        state = state @ once
+        state = state @ transition
     settled = 1.0 - free.sum(axis=1)
-    late = np.arange(TABLE + 1) - instant_s / tick_s * TABLE
-    step = np.interp(late, np.arange(TABLE + 1), settled, left=0.0)
+    since_step = np.arange(TABLE + 1) - instant_s / tick_s * TABLE
+    step = np.interp(since_step, np.arange(TABLE + 1), settled, left=0.0)
     return free, settled, step
 
 
@@ -58,13 +58,13 @@ def crossings_turns(probe, channel):
     """theta (turns) of the crossings of an electrode's voltage less the ideal one, both slopes, all levels."""
     letter, which = ("d", 0) if channel == "drive" else ("s", 1)
     z = np.stack([probe.column(f"{letter}{k}") for k in (1, 2, 3)], axis=1)
-    held, step = probe.column(f"u_{channel}"), probe.column(f"du_{channel}")
+    chain_input, step = probe.column(f"u_{channel}"), probe.column(f"du_{channel}")
     tables = _responses(tuple(probe.chains_s[which]), probe.instants_s[which], probe.tick_s)
     turn = 1 << probe.design.dds_bits
     theta, word = probe.column("theta") / turn, probe.column("word") / turn
     amplitude = np.sqrt(2.0) * z[:, 2].std()
     levels = SPAN * amplitude * np.linspace(-1.0, 1.0, LEVELS)
-    ticks, part, level, rising = _crossings(z, held, step, levels, *tables)
+    ticks, part, level, rising = _crossings(z, chain_input, step, levels, *tables)
     part = np.round(part * probe.tick_s / RESOLUTION_S) * RESOLUTION_S / probe.tick_s
     at = theta[ticks] + part * probe.design.tick_clocks * word[ticks]
     turned = 0.5 if which == 1 and probe.sense_sign < 0 else 0.0
@@ -75,7 +75,7 @@ def crossings_turns(probe, channel):
 
 
 @kernel
-def _crossings(z, held, step, levels, free, settled, late):
+def _crossings(z, chain_input, step, levels, free, settled, step_response):
     """(tick, part of it, level, rising) at which the voltage passes a level: bisection in the table, then a line."""
     ticks, parts, at, rises = [0], [0.0], [0.0], [False]
     spacing, slope, rising = levels[1] - levels[0], 0, False
@@ -92,7 +92,7 @@ def _crossings(z, held, step, levels, free, settled, late):
             while high - low > 1:
                 k = (low + high) // 2
                 v = z[n, 0] * free[k, 0] + z[n, 1] * free[k, 1] + z[n, 2] * free[k, 2]
-                v += settled[k] * held[n] + late[k] * step[n]
+                v += settled[k] * chain_input[n] + step_response[k] * step[n]
                 if (v >= level) == rising:
                     high, after = k, v
                 else:

@@ -51,6 +51,6 @@ def settings(v, mode):
     return keys | {"firmware.amplitude_um": float(v["amplitude_um"])} | forward.firmware_keys(mode)
 
 
-def config_of(v, mode):
+def board_config(v, mode):
     """Checked configuration of one board."""
     return changed(Config(), settings(v, mode))

@@ -47,95 +47,99 @@ def smallest(z, mode, best=2):
     """{class: [`Move`, ...]} for each change between cases; z (priors,), mode of numbers: a board."""
     d = np.arange(-REACH, REACH + STEP, STEP)
     one = {name: np.full(len(d), choice) for name, choice in mode.items()}
-    base = forward.see(np.tile(z, (len(d), 1)), one)
-    found = {}
+    base = forward.compute_rows(np.tile(z, (len(d), 1)), one)
+    moves = {}
     for k, prior in enumerate(priors.PRIORS):
-        moved = np.tile(z, (len(d), 1))
-        moved[:, k] += d
+        shifted_z = np.tile(z, (len(d), 1))
+        shifted_z[:, k] += d
         with np.errstate(all="ignore"):
-            seen = forward.see(moved, one, (4, 5))
+            shifted_rows = forward.compute_rows(shifted_z, one, (4, 5))
             for group in rows.STEPPED:
                 for step in rows.STEPS:
-                    unmet = _unmet(base, seen, group, step)
+                    unmet = _unmet(base, shifted_rows, group, step)
                     cost = np.where(np.isfinite(unmet), unmet + d**2, np.inf)
                     at = int(np.argmin(cost))
-                    v = prior.value(np.array([z[k], moved[at, k]]))
+                    v = prior.value(np.array([z[k], shifted_z[at, k]]))
                     still = float(unmet[len(d) // 2])
                     item = Move(f"{group}_{step}", prior.name, prior.unit, *map(float, v), float(d[at]), still,
                                 float(unmet[at]))  # fmt: skip
-                    found.setdefault(item.group, []).append(item)
-    return {group: sorted(items, key=lambda i: i.together + i.moved**2)[:best] for group, items in found.items()}
+                    moves.setdefault(item.group, []).append(item)
+    return {group: sorted(items, key=lambda i: i.together + i.moved**2)[:best] for group, items in moves.items()}
 
 
-def _unmet(base, seen, group, step):
+def _unmet(base, shifted_rows, group, step):
     """Chi2 of the class at each d."""
     case_before, case_after = map(int, step.split("to"))
     total = 0.0
     for row in likelihood.STEPPED:
         if row.group == f"{group}_{step}":
-            change = forward.change(
-                base.cases[case_before, group, row.temp_degc], seen.cases[case_after, group, row.temp_degc]
+            change = forward.step_change(
+                base.cases[case_before, group, row.temp_degc], shifted_rows.cases[case_after, group, row.temp_degc]
             )
             total = total + ((np.abs(change) - row.value) / row.sigma) ** 2
     return total
 
 
-def _shifted(post, said, exact, fold, k, d):
+def _shift_rows(post, row_draws, exact, fold, k, d):
     """{row: array} of the fold's printed numbers with number k of every draw moved by d: noise stays."""
     z = post.z.copy()
     z[:, k] += d
     with np.errstate(all="ignore"):
-        found = forward.predict(z, post.mode, steps=False)
+        shifted_rows = forward.predict(z, post.mode, steps=False)
     return {
-        n: said[n] * found[n] / exact[n] if n in forward.LOGARITHMIC else said[n] + found[n] - exact[n]
+        n: row_draws[n] * shifted_rows[n] / exact[n]
+        if n in forward.LOGARITHMIC
+        else row_draws[n] + shifted_rows[n] - exact[n]
         for n in fold.rows
     }
 
 
-def at_temperature(paper, kept, group, best=2):
+def temperature_moves(paper, fold_result, group, best=2):
     """[`Move`, ...] that bring a contradicted class of a temperature that was left out inside, medians in its unit.
 
     kept  what `heldout.judged` keeps
     """
-    fold, post, said = kept
+    fold, post, row_draws = fold_result
     some = post.weight > 0
     mode = {name: choices[some] for name, choices in post.mode.items()}
     post = post._replace(z=post.z[some], mode=mode, weight=post.weight[some])
-    said = {name: said[name][some] for name in fold.rows}
+    row_draws = {name: row_draws[name][some] for name in fold.rows}
     exact = forward.predict(post.z, post.mode, steps=False)
     groups = dict.fromkeys(heldout.GROUPS[name] for name in fold.rows)
 
-    def judged(k, d):
-        now = _shifted(post, said, exact, fold, k, d)
+    def class_p(k, d):
+        now = _shift_rows(post, row_draws, exact, fold, k, d)
         if not all(np.isfinite(a).all() for a in now.values()):
             return None
-        classes = {g: heldout.compared(fold.name, g, heldout.named(fold, g), now, post.weight, paper) for g in groups}
+        classes = {
+            g: heldout.compared(fold.name, g, heldout.class_row_names(fold, g), now, post.weight, paper) for g in groups
+        }
         return None if any(c.verdict == "contradicted" for c in classes.values()) else classes[group].p
 
-    without = heldout.compared(fold.name, group, heldout.named(fold, group), said, post.weight, paper).p
+    p_before = heldout.compared(fold.name, group, heldout.class_row_names(fold, group), row_draws, post.weight, paper).p
     size, met = FIRST, []
     while size <= FAR and len(met) < best:
-        met = [(k, d) for k in range(infer.SIZE) for d in (-size, size) if judged(k, d) is not None]
+        met = [(k, d) for k in range(infer.SIZE) for d in (-size, size) if class_p(k, d) is not None]
         size *= 2
-    found = [_least(post, fold, group, without, judged, k, d) for k, d in met]
-    return sorted(found, key=lambda m: abs(m.moved))[:best]
+    moves = [_least(post, fold, group, p_before, class_p, k, d) for k, d in met]
+    return sorted(moves, key=lambda m: abs(m.moved))[:best]
 
 
-def _least(post, fold, group, without, judged, k, far):
+def _least(post, fold, group, p_before, class_p, k, far):
     """`Move` of number k, of which `far` meets: between it and 0."""
-    near, p = 0.0, judged(k, far)
+    lower, p = 0.0, class_p(k, far)
     for _ in range(HALVED):
-        middle = (near + far) / 2
-        now = judged(k, middle)
-        near, far, p = (middle, far, p) if now is None else (near, middle, now)
+        middle = (lower + far) / 2
+        now = class_p(k, middle)
+        lower, far, p = (middle, far, p) if now is None else (lower, middle, now)
     prior, middle = priors.PRIORS[k], infer.quantile(post.z[:, k], post.weight, 0.5)
     before, after = (float(prior.value(np.float64(z))) for z in (middle, middle + far))
-    return Move(group, prior.name, prior.unit, before, after, far, without, p, fold.name)
+    return Move(group, prior.name, prior.unit, before, after, far, p_before, p, fold.name)
 
 
 def with_other_sign(paper, fold, group, rng, draws, least):
     """`heldout.Class` of a temperature that was left out, with the other sign printed in SIGN_ROW."""
     turned = likelihood.Paper(paper.values | {SIGN_ROW: -paper.values[SIGN_ROW]})
     post = infer.posterior(likelihood.compared(turned, fold.rows), rng, draws, least)
-    said = heldout.predictions(post, rng)
-    return heldout.compared(fold.name, group, heldout.named(fold, group), said, post.weight, turned)
+    row_draws = heldout.draw_predictions(post, rng)
+    return heldout.compared(fold.name, group, heldout.class_row_names(fold, group), row_draws, post.weight, turned)

@@ -30,17 +30,17 @@ def infer(o):
     outputs.check_folder(o.out)
     with Progress(quiet=o.as_json) as progress:
         from testbench.paper.inference import files, page, study
-        from testbench.storage.files import together
+        from testbench.storage.files import atomic_outputs
 
-        found = study.study(progress=progress)
-        with together():
-            paths = files.write(found, o.out / "paper_inferred.toml")
-            written = [str(p) for p in (*paths, page.write(found, o.out / "inference.html"))]
+        results = study.run_inference(progress=progress)
+        with atomic_outputs():
+            paths = files.write(results, o.out / "paper_inferred.toml")
+            written = [str(p) for p in (*paths, page.write(results, o.out / "inference.html"))]
     if o.as_json:
-        print_json(files.rounded(found) | {"files": written})
+        print_json(files.round_numbers(results) | {"files": written})
         return
-    print_tables([page.classes_table(found), page.measurements_table(found)])
-    print_list("", page.summary(found))
+    print_tables([page.classes_table(results), page.measurements_table(results)])
+    print_list("", page.summary(results))
     print_list("Written:", written)
 
 

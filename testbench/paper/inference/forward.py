@@ -22,7 +22,7 @@ import numpy as np
 from analog_frontend.parts.noise import BOLTZMANN_J_PER_K, ZERO_DEGC_K
 from testbench.config import Config, changed
 from testbench.paper.inference import priors, ring_table, rows
-from testbench.paper.loop import parts as loop_parts
+from testbench.paper.loop import loop_parameters as loop_parts
 from testbench.run.budget import budget
 
 ROOM_DEGC = 25.0
@@ -33,7 +33,7 @@ DROP_V_PER_K = -2.35e-3  # of two diodes and what goes with them: it keeps the g
 INA_V_PER_RTHZ = 1.07e-9  # AD8597, each of two inputs
 CASES = (1, 2, 3, 4, 5)
 COMPENSATED = {"xe1": 2, "xe2": 3, "ye1": 4, "ye2": 5}  # from this case on
-FITTED = tuple(row.name for row in rows.fitted())
+FITTED = tuple(row.name for row in rows.fitted_rows())
 STEPPED = tuple(row.name for row in rows.steps())
 
 
@@ -54,9 +54,9 @@ class Fixed(NamedTuple):
 
 
 @functools.cache
-def fixed():
+def fixed_numbers():
     config = Config()
-    p, d = loop_parts.parts(config), config.device()
+    p, d = loop_parts.loop_parameters(config), config.device()
     flat_v = p.volts_per_word / np.sinc(p.w_rad_s / (2 * math.pi) / p.tick_hz)
     return Fixed(
         flat_v, 1 / p.tick_hz, p.code_per_v, p.step_code, p.frame_s, d.mass_kg, d.ina_noise_gain, d.driver_noise_gain,
@@ -64,9 +64,9 @@ def fixed():
     )  # fmt: skip
 
 
-def _grid(hz):
+def _grid_gain(hz):
     """What the grid of ticks leaves of a tone: of a hold, and of references on it."""
-    return np.sinc(hz * fixed().tick_s)
+    return np.sinc(hz * fixed_numbers().tick_s)
 
 
 def firmware_keys(mode):
@@ -89,13 +89,13 @@ PARTS_OF_A_LAG = ("output pole", "DAC response", "ring diode", "instrumentation"
 def _clocked_s():
     """What registers, frames, hold and wait of each mode make of xe1 and ye1 (s); (11, 2, 2, 2, 2)."""
     choices = {c.name: c.choices for c in priors.CHOICES}
-    found = np.empty((*(len(choices[name]) for name in CLOCKED), 2))
-    for at in np.ndindex(found.shape[:-1]):
+    delays_s = np.empty((*(len(choices[name]) for name in CLOCKED), 2))
+    for at in np.ndindex(delays_s.shape[:-1]):
         mode = {name: choices[name][k] for name, k in zip(CLOCKED, at)}
         lags = budget(changed(Config(), firmware_keys(mode))).rows
         for k, node in enumerate(("xe1", "ye1")):
-            found[*at, k] = sum(row.seconds for row in lags[node] if not row.what.startswith(PARTS_OF_A_LAG))
-    return found
+            delays_s[*at, k] = sum(row.seconds for row in lags[node] if not row.what.startswith(PARTS_OF_A_LAG))
+    return delays_s
 
 
 def clocked_s(mode):
@@ -107,8 +107,8 @@ def clocked_s(mode):
 
 def carrier_tc_per_k(v, mode):
     """Drift of the carrier: none, or that of two diodes' drop, with an error."""
-    own = DROP_V_PER_K / v["carrier_v"] + v["carrier_tc_error_per_k"]
-    return np.where(mode["carrier_compensated"] == 1, own, 0.0)
+    drift_per_k = DROP_V_PER_K / v["carrier_v"] + v["carrier_tc_error_per_k"]
+    return np.where(mode["carrier_compensated"] == 1, drift_per_k, 0.0)
 
 
 def _warm(v, mode, temp_degc):
@@ -136,7 +136,7 @@ def _warm(v, mode, temp_degc):
 
 def _phases(v, mode, warm, clocks_s):
     """{node: deg} of xe1 and ye1 as node, xe2 and ye2 as loop phases; what both C/V chains and the force leave."""
-    w, c = 2 * math.pi * warm["f"], fixed()
+    w, c = 2 * math.pi * warm["f"], fixed_numbers()
     poles = [
         [np.arctan(w * v[f"{path}_pole_{n}_s"] * drift) for n, drift in enumerate(warm["poles"], 1)]
         for path in ("drive", "sense")
@@ -177,17 +177,17 @@ class Board(NamedTuple):
 
 def coriolis_n_per_dps(hz, amplitude_m):
     """2 m_c w A pi/180: force on y of 1 deg/s."""
-    return 2 * fixed().mass_kg * 2 * math.pi * hz * amplitude_m * DEG
+    return 2 * fixed_numbers().mass_kg * 2 * math.pi * hz * amplitude_m * DEG
 
 
 def quadrature_n_per_m(hz, quadrature_dps):
     """Stiffness whose force at any amplitude is that of a rate: 2 m_c w Omega."""
-    return 2 * fixed().mass_kg * 2 * math.pi * hz * quadrature_dps * DEG
+    return 2 * fixed_numbers().mass_kg * 2 * math.pi * hz * quadrature_dps * DEG
 
 
 def force_n_per_v(v):
     """k_vf that makes the largest word the full scale, without phase errors, at 25 degC."""
-    full_v = fixed().volts_per_word * 2**23
+    full_v = fixed_numbers().volts_per_word * 2**23
     return coriolis_n_per_dps(v["fx_hz"], v["amplitude_um"] * 1e-6) * v["full_scale_dps"] / full_v
 
 
@@ -208,7 +208,7 @@ def dxy_ratio(v):
 
 def _offset_v(charge_c, hz):
     """Offset of a code: on-time means rise by 2 dQ R f a stage, the last capacitor is held a quarter above its mean."""
-    c = fixed()
+    c = fixed_numbers()
     return charge_c / c.sid_c_f * (6 * c.sid_r_ohm * c.sid_c_f * hz + 0.25)
 
 
@@ -225,12 +225,12 @@ def _loss(v, ring):
 
 def _board(v, mode, warm, passed, room):
     """`Board` without the demodulator's offset."""
-    c = fixed()
+    c = fixed_numbers()
     w, wy = 2 * math.pi * warm["f"], 2 * math.pi * warm["fy"]
-    edges = np.where(mode["reference_retimed"] == 1, _grid(warm["f"]), 1.0)
+    edges = np.where(mode["reference_retimed"] == 1, _grid_gain(warm["f"]), 1.0)
     drive, sense = warm["rings"]
-    kept = drive.gain_v_per_f * (1 - _loss(v, drive)) / (room.gain_v_per_f * (1 - _loss(v, room)))
-    amplitude = v["amplitude_um"] * 1e-6 / (kept * passed[0] * edges)
+    gain_ratio = drive.gain_v_per_f * (1 - _loss(v, drive)) / (room.gain_v_per_f * (1 - _loss(v, room)))
+    amplitude = v["amplitude_um"] * 1e-6 / (gain_ratio * passed[0] * edges)
     slope = pickoff_f_per_m(v, room.gain_v_per_f)
     damper = c.mass_kg * w / warm["q"]
     kxy = quadrature_n_per_m(v["fx_hz"], warm["quadrature"])
@@ -239,7 +239,7 @@ def _board(v, mode, warm, passed, room):
         amplitude,
         coriolis_n_per_dps(warm["f"], amplitude),
         dxy_ratio(v) * damper * w * amplitude,
-        force_n_per_v(v) * c.volts_per_word * _grid(warm["f"]) * passed[2],
+        force_n_per_v(v) * c.volts_per_word * _grid_gain(warm["f"]) * passed[2],
         sense.gain_v_per_f * slope * v["sense_pickoff_ratio"] * c.signal_gain * passed[1] * 4 / math.pi * edges,
         c.mass_kg * (wy**2 - w**2 + 1j * w * wy / warm["q"]),
         kxy,
@@ -249,9 +249,9 @@ def _board(v, mode, warm, passed, room):
     )
 
 
-def _noise(v, b, warm, temp_degc):
+def _noise_values(v, b, warm, temp_degc):
     """ARW and bias instability: a volt behind the demodulator is |D| / (pickoff, Coriolis force) deg/s in any case."""
-    c, ring, kt = fixed(), warm["rings"][1], BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K)
+    c, ring, kt = fixed_numbers(), warm["rings"][1], BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K)
     per_v = np.abs(b.dynamic_n_per_m) / (b.sense_v_per_m * b.coriolis_n)
     per_frame = math.sqrt(2 * c.frame_s)
     cv_square = (
@@ -270,29 +270,35 @@ def _noise(v, b, warm, temp_degc):
     return {"arw": 60 / math.sqrt(2) * np.sqrt(square), "bias_instability": floor}
 
 
-def _above_zero(v_squared):
+def _positive_square(v_squared):
     """V_q^2 (V^2), continued below LEAST_V smoothly and above 0, so that a search finds its way back."""
     least = LEAST_V**2
     return np.where(v_squared > least, v_squared, least / (2 - np.minimum(v_squared / least, 1)))
 
 
-def works(found, span_v=5.5):
+def works(predictions, span_v=5.5):
     """Whether boards hold quadrature at rest: V_q above LEAST_V and within its DAC's span at every temperature."""
-    volts = np.stack([found[f"v_q_{temp:g}"] for temp in rows.TEMPERATURES_DEGC])
+    volts = np.stack([predictions[f"v_q_{temp:g}"] for temp in rows.TEMPERATURES_DEGC])
     return np.all((volts > LEAST_V) & (volts < span_v), axis=0)
 
 
-def _case(b, left):
+def _case(b, residual_rad):
     """Scale factor, V_q and bias of one case at one temperature; left: residuals (rad)."""
-    angle = left["ye1"] + left["xe2"]
+    angle = residual_rad["ye1"] + residual_rad["xe2"]
     cosine = np.cos(angle)
     # equal offsets of both codes: F0 = D y, y = (j - 1) offset e^(j ye2) / pickoff
-    force = -(1 + 1j) * b.dynamic_n_per_m * b.offset_v / b.sense_v_per_m * np.exp(1j * (left["ye2"] - left["xe2"]))
+    force = (
+        -(1 + 1j)
+        * b.dynamic_n_per_m
+        * b.offset_v
+        / b.sense_v_per_m
+        * np.exp(1j * (residual_rad["ye2"] - residual_rad["xe2"]))
+    )
     in_phase = b.damping_n + force.real
     kappa = (in_phase * np.sin(angle) / cosine + force.imag) / b.amplitude_m
     return {
         "scale_factor": b.coriolis_n / (b.per_word_n * cosine),
-        "v_q": np.sqrt(_above_zero((b.kxy_n_per_m - kappa) / b.kq_n_per_m_per_v2)),
+        "v_q": np.sqrt(_positive_square((b.kxy_n_per_m - kappa) / b.kq_n_per_m_per_v2)),
         "bias": in_phase / b.coriolis_n,
     }
 
@@ -300,9 +306,9 @@ def _case(b, left):
 def _room(v, mode):
     """Phases, the drive's ring, and charge per deg/s, at 25 degC."""
     warm = _warm(v, mode, ROOM_DEGC)
-    known, passed = _phases(v, mode, warm, clocked_s(mode))
+    phases, passed = _phases(v, mode, warm, clocked_s(mode))
     room = warm["rings"][0]
-    return known, room, _charge_per_dps(v, _board(v, mode, warm, passed, room))
+    return phases, room, _charge_per_dps(v, _board(v, mode, warm, passed, room))
 
 
 def charges_c(v, mode):
@@ -317,7 +323,7 @@ def drift_deg(v, mode, low_degc=-20.0, high_degc=50.0):
     return {node: high[node] - low[node] for node in rows.PHASES}
 
 
-class Seen(NamedTuple):
+class BoardRows(NamedTuple):
     """Rows of boards: {node: deg}, {(group, temperature): value} of noise, {(case, group, temperature): value}."""
 
     phases: dict
@@ -325,27 +331,29 @@ class Seen(NamedTuple):
     cases: dict
 
 
-def see(z, mode, cases=CASES):
+def compute_rows(z, mode, cases=CASES):
     """`Seen` of boards: z (boards, priors), mode of arrays; `cases` of the five register sets."""
     v = priors.values(z)
-    known, room, per_dps = _room(v, mode)
-    phases = {node: known[node] for node in ("xe1", "xe2", "ye1")}
-    phases["ye2"] = known["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
-    out = Seen(phases, {}, {})
+    room_phases, room, per_dps = _room(v, mode)
+    phases = {node: room_phases[node] for node in ("xe1", "xe2", "ye1")}
+    phases["ye2"] = room_phases["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
+    out = BoardRows(phases, {}, {})
     for temp in rows.TEMPERATURES_DEGC:
         warm = _warm(v, mode, temp)
         now, passed = _phases(v, mode, warm, clocked_s(mode))
         # what leaks in half a turn goes against the frequency, which moves too little to count
         charge_c = per_dps * (v["offset_dps"] * warm["charge"] + v["leakage_dps"] * warm["leakage"])
         b = _board(v, mode, warm, passed, room)._replace(offset_v=_offset_v(charge_c, warm["f"]))
-        out.noise.update({(group, temp): value for group, value in _noise(v, b, warm, temp).items()})
+        out.noise.update({(group, temp): value for group, value in _noise_values(v, b, warm, temp).items()})
         for case in cases:
-            left = {n: (now[n] - (known[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES}
-            out.cases.update({(case, group, temp): value for group, value in _case(b, left).items()})
+            residual_rad = {
+                n: (now[n] - (room_phases[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES
+            }
+            out.cases.update({(case, group, temp): value for group, value in _case(b, residual_rad).items()})
     return out
 
 
-def change(before, after):
+def step_change(before, after):
     """Relative change; a number of exactly 0 has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return (after - before) / np.abs(before)
@@ -353,21 +361,21 @@ def change(before, after):
 
 def predict(z, mode, steps=True):
     """{name: array} of fitted rows, and of steps between cases: z (boards, priors), mode of arrays."""
-    seen = see(z, mode, CASES if steps else CASES[:3])
-    out = dict(seen.phases) | {f"{group}_{temp:g}": value for (group, temp), value in seen.noise.items()}
+    board_rows = compute_rows(z, mode, CASES if steps else CASES[:3])
+    out = dict(board_rows.phases) | {f"{group}_{temp:g}": value for (group, temp), value in board_rows.noise.items()}
     for temp in rows.TEMPERATURES_DEGC:
         for group in rows.STEPPED:
-            out[f"{group}_{temp:g}"] = sum(seen.cases[case, group, temp] for case in (1, 2, 3)) / 3
+            out[f"{group}_{temp:g}"] = sum(board_rows.cases[case, group, temp] for case in (1, 2, 3)) / 3
             for step in rows.STEPS if steps else ():
-                before, after = (seen.cases[int(case), group, temp] for case in step.split("to"))
-                out[f"{group}_{step}_{temp:g}"] = change(before, after)
+                before, after = (board_rows.cases[int(case), group, temp] for case in step.split("to"))
+                out[f"{group}_{step}_{temp:g}"] = step_change(before, after)
     return out
 
 
 def stacked(z, mode, names=FITTED):
     """Fitted rows as an array (boards, names); scale factor, ARW, bias instability and V_q as logarithms."""
-    found = predict(z, mode, steps=False)
-    return np.stack([np.log(found[n]) if n in LOGARITHMIC else found[n] for n in names], axis=-1)
+    predictions = predict(z, mode, steps=False)
+    return np.stack([np.log(predictions[n]) if n in LOGARITHMIC else predictions[n] for n in names], axis=-1)
 
 
-LOGARITHMIC = frozenset(row.name for row in rows.fitted() if row.logarithmic)
+LOGARITHMIC = frozenset(row.name for row in rows.fitted_rows() if row.logarithmic)

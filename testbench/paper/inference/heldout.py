@@ -33,7 +33,7 @@ class Predicted(NamedTuple):
     high: float
 
     @property
-    def inside(self):
+    def is_inside(self):
         return self.low <= self.paper <= self.high
 
 
@@ -54,45 +54,52 @@ class Class(NamedTuple):
         return "covered" if self.width > WIDE else "predicted"
 
 
-def predictions(post, rng):
+def draw_predictions(post, rng):
     """{row: array} of what a paper would print, one for each draw."""
     return likelihood.noisy(forward.predict(post.z, post.mode), rng)
 
 
-def named(fold, group):
+def class_row_names(fold, group):
     """Names of a fold's rows of one class."""
     return [name for name in fold.rows if GROUPS[name] == group]
 
 
-def compared(fold, group, names, said, weight, paper):
+def compared(fold, group, names, row_draws, weight, paper):
     """`Class` of the rows `names` of a group."""
-    values = np.stack([said[name] for name in names], axis=1)
+    values = np.stack([row_draws[name] for name in names], axis=1)
     mean = weight @ values
     cov = (weight[:, None] * (values - mean)).T @ (values - mean)
     far = np.linalg.inv(cov)
 
-    def distance(y):
+    def squared_distance(y):
         return np.einsum("...i,ij,...j->...", y - mean, far, y - mean)
 
-    own = float(distance(np.array([paper.values[name] for name in names])))
+    paper_distance = float(squared_distance(np.array([paper.values[name] for name in names])))
     width = max(np.sqrt(np.diag(cov)) / [SIGMAS[name] for name in names])
-    return Class(fold, group, own, len(names), float(weight[distance(values) >= own].sum()), float(width))
+    return Class(
+        fold,
+        group,
+        paper_distance,
+        len(names),
+        float(weight[squared_distance(values) >= paper_distance].sum()),
+        float(width),
+    )
 
 
-def judged(paper, rng, draws, least, progress=None):
+def judge_folds(paper, rng, draws, least, progress=None):
     """([Predicted], [Class], {fold name: (fold, posterior, predictions)}) of every fold of the committed list."""
-    out, classes, kept = [], [], {}
+    out, classes, by_fold = [], [], {}
     folds = rows.folds()
     for number, fold in enumerate(folds):
-        without = () if fold.rule == "never fitted" else fold.rows
-        post = infer.posterior(likelihood.compared(paper, without), rng, draws, least)
-        said = predictions(post, rng)
-        kept[fold.name] = fold, post, said
+        excluded = () if fold.rule == "never fitted" else fold.rows
+        post = infer.posterior(likelihood.compared(paper, excluded), rng, draws, least)
+        row_draws = draw_predictions(post, rng)
+        by_fold[fold.name] = fold, post, row_draws
         for name in fold.rows:
-            quantiles = [infer.quantile(said[name], post.weight, share) for share in SHARES]
+            quantiles = [infer.quantile(row_draws[name], post.weight, share) for share in SHARES]
             out.append(Predicted(fold.name, name, paper.values[name], *quantiles))
         for group in dict.fromkeys(GROUPS[name] for name in fold.rows):
-            classes.append(compared(fold.name, group, named(fold, group), said, post.weight, paper))
+            classes.append(compared(fold.name, group, class_row_names(fold, group), row_draws, post.weight, paper))
         if progress:
             progress("held-out rows", number + 1, len(folds))
-    return out, classes, kept
+    return out, classes, by_fold

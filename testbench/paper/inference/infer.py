@@ -51,10 +51,10 @@ class Posterior(NamedTuple):
 def jacobian(z, mode, names):
     """(f, J) of boards: (n, rows) and (n, rows, priors), by forward differences."""
     count = len(z)
-    moved = np.concatenate([z[None], z[None] + STEP_Z * np.eye(SIZE)[:, None]]).reshape(-1, SIZE)
+    shifted_z = np.concatenate([z[None], z[None] + STEP_Z * np.eye(SIZE)[:, None]]).reshape(-1, SIZE)
     again = {name: np.tile(a, SIZE + 1) for name, a in mode.items()}
-    found = forward.stacked(moved, again, names).reshape(SIZE + 1, count, len(names))
-    return found[0], np.moveaxis((found[1:] - found[0]) / STEP_Z, 0, -1)
+    predictions = forward.stacked(shifted_z, again, names).reshape(SIZE + 1, count, len(names))
+    return predictions[0], np.moveaxis((predictions[1:] - predictions[0]) / STEP_Z, 0, -1)
 
 
 @functools.cache
@@ -72,16 +72,16 @@ def screened(data):
     cov = np.eye(len(at)) + j @ np.swapaxes(j, 1, 2)
     evidence = -0.5 * np.einsum("mi,mi->m", r, np.linalg.solve(cov, r[..., None])[..., 0])
     evidence -= 0.5 * np.linalg.slogdet(cov)[1]
-    kept = evidence > evidence.max() - SCREEN_NATS
-    return {name: a[kept] for name, a in mode.items()}
+    mask = evidence > evidence.max() - SCREEN_NATS
+    return {name: a[mask] for name, a in mode.items()}
 
 
 def _linear(z, mode, data):
     """(H, J) of boards: (n, priors + rows), (n, priors + rows, priors)."""
     f, j = jacobian(z, mode, data.names)
-    own = np.broadcast_to(np.eye(SIZE), (len(z), SIZE, SIZE))
+    prior_rows = np.broadcast_to(np.eye(SIZE), (len(z), SIZE, SIZE))
     h = np.concatenate([z, (f - data.value) / data.sigma], axis=1)
-    return h, np.concatenate([own, j / data.sigma[:, None]], axis=1)
+    return h, np.concatenate([prior_rows, j / data.sigma[:, None]], axis=1)
 
 
 def _cost(z, mode, data):
@@ -89,7 +89,7 @@ def _cost(z, mode, data):
     return 0.5 * np.sum(r * r, axis=1) + 0.5 * np.sum(z * z, axis=1)
 
 
-def _of(mode, at):
+def _select_modes(mode, at):
     return {name: a[at] for name, a in mode.items()}
 
 
@@ -101,10 +101,10 @@ def _descend(z, mode, data, steps, free=1.0):
         j = j * free
         square = np.swapaxes(j, 1, 2) @ j + (damping[:, None, None] + 1 - free) * np.eye(SIZE)
         ahead = z - np.linalg.solve(square, np.einsum("mrk,mr->mk", j, h)[..., None])[..., 0]
-        then = _cost(ahead, mode, data)
-        better = then < cost
-        gain = np.where(better, cost - then, 0.0)
-        z, cost = np.where(better[:, None], ahead, z), np.where(better, then, cost)
+        next_cost = _cost(ahead, mode, data)
+        better = next_cost < cost
+        gain = np.where(better, cost - next_cost, 0.0)
+        z, cost = np.where(better[:, None], ahead, z), np.where(better, next_cost, cost)
         damping = np.where(better, damping * EASE, np.minimum(damping * STIFFEN, 1e6))
         if np.all((gain < STILL * (1 + cost)) & (better | (damping > 1e3))):
             break
@@ -116,27 +116,30 @@ def optimum(data, mode=None):
     mode = screened(data) if mode is None else mode
     z = np.zeros((len(next(iter(mode.values()))), SIZE))
     z, cost = _descend(z, mode, data, FEW_STEPS)
-    near = cost < cost.min() + CUT_NATS
-    mode, (z, cost) = _of(mode, near), _descend(z[near], _of(mode, near), data, STEPS)
+    close_mask = cost < cost.min() + CUT_NATS
+    mode, (z, cost) = (
+        _select_modes(mode, close_mask),
+        _descend(z[close_mask], _select_modes(mode, close_mask), data, STEPS),
+    )
     h, j = _linear(z, mode, data)
     hessian = np.swapaxes(j, 1, 2) @ j
     evidence = -cost - 0.5 * np.linalg.slogdet(hessian)[1]
     weight = np.exp(evidence - evidence.max())
     order = np.argsort(-weight, kind="stable")
     chi2 = np.sum(h[:, SIZE:] ** 2, axis=1)
-    return Optimum(_of(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
+    return Optimum(_select_modes(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
 
 
-def settled(z, mode, data, held):
+def settled(z, mode, data, fixed_z):
     """(z, Hessian) of one board with some numbers held: {name: z}; z (priors,), mode of numbers."""
     z, free = z.copy(), np.ones(SIZE)
-    for name, value in held.items():
+    for name, value in fixed_z.items():
         k = priors.NAMES.index(name)
         z[k], free[k] = value, 0.0
     one = {name: np.array([choice]) for name, choice in mode.items()}
     for _ in range(3):
-        found, _ = _descend(z[None], one, data, STEPS, free)
-        z = found[0]
+        solution, _ = _descend(z[None], one, data, STEPS, free)
+        z = solution[0]
     _, j = _linear(z[None], one, data)
     return z, j[0].T @ j[0]
 
@@ -144,50 +147,50 @@ def settled(z, mode, data, held):
 def _solve(z, mode, data, basis, noise):
     """z with Q'H(z) = noise, ln|det Q'J| there, |H|^2, and whether it was found."""
     count = len(z)
-    left, found = np.arange(count), np.zeros(count, bool)
+    remaining, converged = np.arange(count), np.zeros(count, bool)
     log_det, square = np.zeros(count), np.zeros(count)
     for _ in range(NEWTON_STEPS):
-        h, j = _linear(z[left], _of(mode, left), data)
-        q = np.swapaxes(basis[left], 1, 2)
-        a, miss = q @ j, (q @ h[..., None])[..., 0] - noise[left]
-        done = np.max(np.abs(miss), axis=1) < SOLVED
-        at = left[done]
-        found[at], log_det[at], square[at] = True, np.linalg.slogdet(a[done])[1], np.sum(h[done] ** 2, axis=1)
-        a, miss, left = a[~done], miss[~done], left[~done]
-        if not len(left):
+        h, j = _linear(z[remaining], _select_modes(mode, remaining), data)
+        q = np.swapaxes(basis[remaining], 1, 2)
+        a, miss = q @ j, (q @ h[..., None])[..., 0] - noise[remaining]
+        solved = np.max(np.abs(miss), axis=1) < SOLVED
+        at = remaining[solved]
+        converged[at], log_det[at], square[at] = True, np.linalg.slogdet(a[solved])[1], np.sum(h[solved] ** 2, axis=1)
+        a, miss, remaining = a[~solved], miss[~solved], remaining[~solved]
+        if not len(remaining):
             break
         step = np.linalg.solve(a, miss[..., None])[..., 0]
         size = np.max(np.abs(step), axis=1)
-        z[left] -= step * np.minimum(1.0, NEWTON_REACH / np.maximum(size, 1e-9))[:, None]
-    return z, log_det, square, found
+        z[remaining] -= step * np.minimum(1.0, NEWTON_REACH / np.maximum(size, 1e-9))[:, None]
+    return z, log_det, square, converged
 
 
 def posterior(data, rng, draws=1000, least=LEAST_SIZE):
     """`Posterior` of the rows: up to MOST_TIMES as many draws, until they are worth `least`; else ConfigError."""
-    found = optimum(data)
+    optima = optimum(data)
     for times in MOST_TIMES:
-        post = _drawn(data, rng, times * draws, found)
+        post = _draw_posterior(data, rng, times * draws, optima)
         if post.size >= least:
             return post
     raise ConfigError(f"inference: {times * draws} draws are worth {post.size:.0f}, fewer than {least:g}")
 
 
-def _drawn(data, rng, draws, found):
+def _draw_posterior(data, rng, draws, optima):
     """`Posterior` of so many draws."""
-    kept = found.weight > LEAST_WEIGHT
-    mode, share = _of(found.mode, kept), found.weight[kept] / found.weight[kept].sum()
+    mask = optima.weight > LEAST_WEIGHT
+    mode, share = _select_modes(optima.mode, mask), optima.weight[mask] / optima.weight[mask].sum()
     which = np.sort(rng.choice(len(share), draws, p=share))
-    _, j = _linear(found.z[kept], mode, data)
+    _, j = _linear(optima.z[mask], mode, data)
     basis, triangle = np.linalg.qr(j)
     noise = np.einsum("nij,ni->nj", basis[which], rng.standard_normal((draws, j.shape[1])))
-    z = found.z[which] + np.linalg.solve(triangle[which], noise[..., None])[..., 0]
-    z, log_det, square, good = _solve(z, _of(mode, which), data, basis[which], noise)
-    good &= forward.works(forward.predict(z, _of(mode, which), steps=False))
+    z = optima.z[which] + np.linalg.solve(triangle[which], noise[..., None])[..., 0]
+    z, log_det, square, good = _solve(z, _select_modes(mode, which), data, basis[which], noise)
+    good &= forward.works(forward.predict(z, _select_modes(mode, which), steps=False))
     log = np.where(good, 0.5 * np.sum(noise**2, axis=1) - 0.5 * square - log_det - np.log(share[which]), -np.inf)
     weight = np.exp(log - log.max()) if good.any() else np.zeros(draws)
     weight /= max(weight.sum(), 1e-300)
     size = float(1 / np.sum(weight**2)) if good.any() else 0.0
-    return Posterior(found, z, _of(mode, which), weight, size)
+    return Posterior(optima, z, _select_modes(mode, which), weight, size)
 
 
 def quantile(values, weight, share):

@@ -14,7 +14,7 @@ import numpy as np
 
 from testbench.paper.inference import forward, rows
 
-FITTED, STEPPED, REPEATS_DPS = rows.fitted(), rows.steps(), rows.repeats_dps()
+FITTED, STEPPED, REPEATS_DPS = rows.fitted_rows(), rows.steps(), rows.repeats_dps()
 
 
 class Paper(NamedTuple):
@@ -41,20 +41,20 @@ def the_paper():
     return Paper({row.name: row.value for row in (*FITTED, *STEPPED)})
 
 
-def compared(paper, without=()):
+def compared(paper, excluded=()):
     """`Compared` of the fitted rows but those left out."""
-    kept = [row for row in FITTED if row.name not in without]
-    value = [math.log(paper.values[r.name]) if r.logarithmic else paper.values[r.name] for r in kept]
-    return Compared(tuple(r.name for r in kept), np.array(value), np.array([sigma_compared(r) for r in kept]))
+    included = [row for row in FITTED if row.name not in excluded]
+    value = [math.log(paper.values[r.name]) if r.logarithmic else paper.values[r.name] for r in included]
+    return Compared(tuple(r.name for r in included), np.array(value), np.array([sigma_compared(r) for r in included]))
 
 
-def noisy(found, rng):
+def noisy(predictions, rng):
     """{name: array} as printed: the rows of boards with noise of their own, rounded."""
     out = {}
     for row in (*FITTED, *STEPPED):
-        exact, sigma = found[row.name], sigma_compared(row)
+        exact, sigma = predictions[row.name], sigma_compared(row)
         if row.group in ("bias_3to4", "bias_4to5"):
-            sigma = math.sqrt(2) * REPEATS_DPS[row.temp_degc] / np.abs(found[f"bias_{row.temp_degc:g}"])
+            sigma = math.sqrt(2) * REPEATS_DPS[row.temp_degc] / np.abs(predictions[f"bias_{row.temp_degc:g}"])
         noise = sigma * rng.standard_normal(exact.shape)
         value = exact * np.exp(noise) if row.logarithmic else exact + noise
         value = np.abs(value) if row in STEPPED else value
@@ -63,7 +63,7 @@ def noisy(found, rng):
     return out
 
 
-def drawn(z, mode, rng):
+def draw_papers(z, mode, rng):
     """A `Paper` for each board."""
     printed = noisy(forward.predict(z, mode), rng)
     return [Paper({name: float(a[k]) for name, a in printed.items()}) for k in range(len(z))]

@@ -27,7 +27,7 @@ class Candidate(NamedTuple):
 
 
 def _drift(node):
-    def read(v, mode, seen):
+    def read(v, mode, board_rows):
         return forward.drift_deg(v, mode)[node]
 
     return read
@@ -80,11 +80,11 @@ def worth(post, rng, choice=None):
     keys = np.stack([post.mode[name] for name in names], axis=1)
     _, which = np.unique(keys, axis=0, return_inverse=True)
     member = np.equal(which.ravel()[:, None], np.arange(which.max() + 1)).astype(float)
-    v, seen = priors.values(post.z), forward.see(post.z, post.mode, ())
+    v, board_rows = priors.values(post.z), forward.compute_rows(post.z, post.mode, ())
     prior_bits = float(_entropy(post.weight @ member))
     out = []
     for c in CANDIDATES:
-        value = np.asarray(c.read(v, post.mode, seen), float)
+        value = np.asarray(c.read(v, post.mode, board_rows), float)
         mean = float(post.weight @ value)
         spread = math.sqrt(max(float(post.weight @ (value - mean) ** 2), 0.0))
         drawn = rng.choice(value, READINGS, p=post.weight) + c.sigma * rng.standard_normal(READINGS)

@@ -3,7 +3,7 @@
 Source    docs/inference.md
 """
 
-from testbench.console.report import BLUE, GREY, VERMILION, axes_of, name_axes, write_html
+from testbench.console.report import BLUE, GREY, VERMILION, make_axes, name_axes, write_html
 from testbench.console.table import Table
 from testbench.paper.inference import study
 
@@ -17,49 +17,51 @@ def _text(value, digits=4):
     return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
 
 
-def summary(found):
+def summary(results):
     """Sentences: chi2 before and after, coverage, decided assumptions, contradicted classes, the measurement."""
-    before, after = found["chi2"]["all"]
-    inside = sum(r["inside"] for r in found["held_out"])
+    before, after = results["chi2"]["all"]
+    inside = sum(r["inside"] for r in results["held_out"])
     sure = [
-        f"{c['name']} = {value}" for c in found["choices"] for value, p in c["probability"].items()
+        f"{c['name']} = {value}" for c in results["choices"] for value, p in c["probability"].items()
         if p > 1 - study.EXCLUDED
     ]  # fmt: skip
-    wrong = [f"{c['group']} ({c['fold']})" for c in found["classes"] if c["verdict"] == "contradicted"]
-    best, turned = found["measurements"][0], found["other_sign"]
+    wrong = [f"{c['group']} ({c['fold']})" for c in results["classes"] if c["verdict"] == "contradicted"]
+    best, turned = results["measurements"][0], results["other_sign"]
     signs = ", ".join(f"{c['p']:.2f} ({c['fold']}, {c['verdict']})" for c in turned)
     return [
         f"chi2 of 19 fitted rows: {before:.4g} of the default board, {after:.3g} of the most probable board.",
-        f"{inside} of {len(found['held_out'])} held-out predictions are within their 90 % interval.",
+        f"{inside} of {len(results['held_out'])} held-out predictions are within their 90 % interval.",
         f"Decided, above {1 - study.EXCLUDED:g}: {', '.join(sure)}.",
         f"Contradicted, p below 0.01: {', '.join(wrong)}.",
         *([f"With a minus sign before the bias at 50 degC p of the bias would be {signs}."] if turned else []),
-        f"{found['open_bits']:.2f} bits about the discrete assumptions are open. The best measurement is worth "
+        f"{results['open_bits']:.2f} bits about the discrete assumptions are open. The best measurement is worth "
         f"{best['mode_bits']:.2f}: {best['name']}.",
     ]
 
 
-def modes_table(found):
-    names = list(found["modes"][0]["choices"])
-    rows = [(f"{m['weight']:.3f}", f"{m['chi2']:.1f}", *(str(m["choices"][n]) for n in names)) for m in found["modes"]]
+def modes_table(results):
+    names = list(results["modes"][0]["choices"])
+    rows = [
+        (f"{m['weight']:.3f}", f"{m['chi2']:.1f}", *(str(m["choices"][n]) for n in names)) for m in results["modes"]
+    ]
     note = "Probability by Laplace's approximation; chi2 of 19 rows."
     return Table("Modes", ("probability", "chi2", *names), rows, note, tuple(range(len(names) + 2)))
 
 
-def choices_table(found):
+def choices_table(results):
     rows = [
         (c["name"], value, f"{p:.4f}", "excluded" if p < study.EXCLUDED else "", c["why"])
-        for c in found["choices"]
+        for c in results["choices"]
         for value, p in c["probability"].items()
     ]
     return Table("Discrete assumptions", ("assumption", "choice", "posterior", "", "meaning"), rows, numeric=(1, 2))
 
 
-def numbers_table(found):
+def numbers_table(results):
     rows = [
         (n["name"], n["unit"], *(_text(x) for x in (*n["prior"], *n["posterior"])), f"{n['shift']:+.2f}",
          f"{n['width']:.2f}", n["verdict"], n["why"])
-        for n in found["numbers"]
+        for n in results["numbers"]
     ]  # fmt: skip
     note = (
         f"Shift and width in standard deviations of the prior. carried: width below {study.CARRIED:g}; strained: shift "
@@ -81,11 +83,11 @@ def numbers_table(found):
     return Table("Assumed numbers: posterior against prior", heads, rows, note, tuple(range(2, 9)))
 
 
-def rows_table(found):
+def rows_table(results):
     rows = []
-    for r in found["rows"]:
-        seen = r["before"], r["after"]
-        pulls = [f"{(value - r['paper']) / r['sigma']:+.1f}" for value in seen]
+    for r in results["rows"]:
+        values = r["before"], r["after"]
+        pulls = [f"{(value - r['paper']) / r['sigma']:+.1f}" for value in values]
         cells = (_text(r["before"], 5), pulls[0], _text(r["after"], 5), pulls[1], YES[r["fitted"]])
         rows.append((r["name"], r["unit"], f"{r['paper']:g}", _text(r["sigma"], 2), *cells))
     note = "Pull: model less paper over the paper's standard uncertainty. Both boards by budget and linear loops."
@@ -93,7 +95,7 @@ def rows_table(found):
     return Table("Rows before and after", heads, rows, note, tuple(range(2, 8)))
 
 
-def held_out_table(found):
+def holdout_table(results):
     rows = [
         (
             r["fold"],
@@ -102,17 +104,17 @@ def held_out_table(found):
             *(_text(r[k], 5) for k in ("low", "middle", "high")),
             YES[r["inside"]],
         )
-        for r in found["held_out"]
+        for r in results["held_out"]
     ]
-    inside = sum(r["inside"] for r in found["held_out"])
+    inside = sum(r["inside"] for r in results["held_out"])
     heads = ("left out", "row", "paper", "5 %", "50 %", "95 %", "inside")
     return Table("Held-out rows", heads, rows, f"{inside} of {len(rows)} inside.", (2, 3, 4, 5))
 
 
-def classes_table(found):
+def classes_table(results):
     rows = [
         (c["fold"], c["group"], f"{c['distance']:.3g}", str(c["count"]), f"{c['p']:.3f}",
-         _text(c["width"], 2), c["verdict"]) for c in found["classes"]
+         _text(c["width"], 2), c["verdict"]) for c in results["classes"]
     ]  # fmt: skip
     note = (
         "Squared distance from the predicted numbers in their covariance; p: share of predictions as far away; width: "
@@ -122,21 +124,21 @@ def classes_table(found):
     return Table("Held-out classes", heads, rows, note, (2, 3, 4, 5))
 
 
-def changes_table(found):
-    wrong = {c["group"] for c in found["classes"] if c["verdict"] == "contradicted" and c["fold"] == "steps"}
+def changes_table(results):
+    wrong = {c["group"] for c in results["classes"] if c["verdict"] == "contradicted" and c["fold"] == "steps"}
     rows = [
         (c["group"], f"{c['name']} ({c['unit']})", _text(c["before"]), _text(c["after"]), f"{c['moved']:+.2f}",
-         f"{c['without']:.3g}", f"{c['together']:.3g}") for c in found["changes"] if c["group"] in wrong
+         f"{c['without']:.3g}", f"{c['together']:.3g}") for c in results["changes"] if c["group"] in wrong
     ]  # fmt: skip
     note = "What a written register would have to do to a part. moved: in standard deviations of its prior."
     heads = ("class", "number", "before", "after", "moved", "chi2 without", "chi2 with")
     return Table("Contradicted changes: the smallest change that would meet them", heads, rows, note, (2, 3, 4, 5, 6))
 
 
-def held_changes_table(found):
+def holdout_changes_table(results):
     rows = [
         (m["fold"], m["group"], f"{m['name']} ({m['unit']})", _text(m["before"]), _text(m["after"]),
-         f"{m['moved']:+.2f}", f"{m['without']:.3f}", f"{m['together']:.3f}") for m in found["changes_at_temperature"]
+         f"{m['moved']:+.2f}", f"{m['without']:.3f}", f"{m['together']:.3f}") for m in results["changes_at_temperature"]
     ]  # fmt: skip
     note = (
         "What a part would have to be at the temperature that is left out, and at no other: the least with which no "
@@ -146,34 +148,34 @@ def held_changes_table(found):
     return Table("Contradicted where a temperature is left out: the smallest change", heads, rows, note, range(3, 8))
 
 
-def sign_table(found):
+def sign_table(results):
     rows = [
         (c["fold"], c["group"], f"{c['p_as_printed']:.3f}", f"{c['p']:.3f}", f"{c['distance']:.3g}",
-         _text(c["width"], 2), c["verdict"]) for c in found["other_sign"]
+         _text(c["width"], 2), c["verdict"]) for c in results["other_sign"]
     ]  # fmt: skip
     note = "The same with a minus sign before the bias at 50 degC, which the text prints without one."
     heads = ("left out", "class", "p as printed", "p with the sign", "D^2", "width", "verdict")
     return Table("With the other sign at 50 degC", heads, rows, note, range(2, 6))
 
 
-def measurements_table(found):
+def measurements_table(results):
     rows = [
         (m["name"], m["unit"], _text(m["sigma"], 2), _text(m["predicted"]), _text(m["spread"], 2),
-         f"{m['mode_bits']:.2f}", f"{m['number_bits']:.1f}") for m in found["measurements"]
+         f"{m['mode_bits']:.2f}", f"{m['number_bits']:.1f}") for m in results["measurements"]
     ]  # fmt: skip
-    note = f"{found['open_bits']:.2f} bits are open about the discrete assumptions."
+    note = f"{results['open_bits']:.2f} bits are open about the discrete assumptions."
     heads = ("measurement", "unit", "error", "predicted", "+-", "bits about assumptions", "bits about itself")
     return Table("Which measurement would decide", heads, rows, note, (2, 3, 4, 5, 6))
 
 
-TABLES = (classes_table, changes_table, held_changes_table, sign_table, measurements_table, choices_table, modes_table,
-          rows_table, held_out_table, numbers_table)  # fmt: skip
+TABLES = (classes_table, changes_table, holdout_changes_table, sign_table, measurements_table, choices_table,
+          modes_table, rows_table, holdout_table, numbers_table)  # fmt: skip
 
 
-def widths_picture(found):
+def widths_picture(results):
     """Posterior of each number in standard deviations of its prior: mean and 90 %, on the prior's own."""
-    figure, axes = axes_of("Posterior against prior, in standard deviations of the prior", 9.5)
-    axis, numbers = axes[0, 0], found["numbers"][::-1]
+    figure, axes = make_axes("Posterior against prior, in standard deviations of the prior", 9.5)
+    axis, numbers = axes[0, 0], results["numbers"][::-1]
     axis.axvspan(-1.645, 1.645, color="#e8eef2", label="prior, 90 %")
     for k, n in enumerate(numbers):
         color = {"carried": BLUE, "strained": VERMILION, "open": GREY}[n["verdict"]]
@@ -184,11 +186,11 @@ def widths_picture(found):
     return figure
 
 
-def pulls_picture(found):
+def pulls_picture(results):
     """Pulls of the fitted rows, default and most probable board."""
-    figure, axes = axes_of("Fitted rows: model less paper", 6.5)
+    figure, axes = make_axes("Fitted rows: model less paper", 6.5)
     axis = axes[0, 0]
-    fitted = [r for r in found["rows"] if r["fitted"]][::-1]
+    fitted = [r for r in results["rows"] if r["fitted"]][::-1]
     for name, color, mark in (("before", GREY, "s"), ("after", BLUE, "o")):
         values = [(r[name] - r["paper"]) / r["sigma"] for r in fitted]
         label = {"before": "default board", "after": "most probable board"}[name]
@@ -200,8 +202,8 @@ def pulls_picture(found):
     return figure
 
 
-def write(found, path):
+def write(results, path):
     """Write the page; returns its path."""
-    pictures = [("Rows before and after", pulls_picture(found)), ("What the rows carry", widths_picture(found))]
+    pictures = [("Rows before and after", pulls_picture(results)), ("What the rows carry", widths_picture(results))]
     title = "Which board gave the paper's numbers"
-    return write_html(path, title, [table(found) for table in TABLES], pictures, summary(found))
+    return write_html(path, title, [table(results) for table in TABLES], pictures, summary(results))

@@ -35,23 +35,23 @@ class Ring(NamedTuple):
     limit_v: np.ndarray
 
 
-def _unit(x, lo, hi):
+def _map_to_unit(x, lo, hi):
     return np.clip((2 * x - lo - hi) / (hi - lo), -1.0, 1.0)
 
 
-def exact(carrier_v, cref_f, temp_degc):
+def ring_numbers(carrier_v, cref_f, temp_degc):
     """The numbers of one ring, as the parts have them."""
     changed = {"carrier_v": carrier_v, "cref_sense_f": cref_f, "ring_noise_on": 1, "ina_bias_exponent": 0.0}
     device = Device()._replace(**changed, ina_beta_exponent=0.0, ina_current_noise_a_per_rthz=PROBE_A)
     arguments = ring_diode.arguments(device, "sense", temp_degc)
-    one = ring_diode.ring(*arguments)
+    one = ring_diode.diode_ring(*arguments)
     shares = cv_noise.cv_noise_shares(device, temp_degc)
     limit_v = one.gain_v_per_f * ring_diode.limit_f(*arguments)
     return Ring(one.gain_v_per_f, one.tau_s, shares["ring"], shares["current"] / PROBE_A, limit_v)
 
 
 @functools.cache
-def _tables():
+def _chebyshev_tables():
     """Chebyshev coefficients of the logarithms, one (n, numbers, n) for each temperature."""
     nodes = chebyshev.chebpts1(DEGREE + 1)
     low, high = map(math.log, CREF_F)
@@ -60,14 +60,14 @@ def _tables():
     basis = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
     out = {}
     for temp in TEMPERATURES_DEGC:
-        found = np.log([[exact(float(e), float(c), temp) for e in carriers] for c in crefs])
-        out[temp] = np.einsum("ai,ijk,bj->akb", basis, found, basis)
+        logarithms = np.log([[ring_numbers(float(e), float(c), temp) for e in carriers] for c in crefs])
+        out[temp] = np.einsum("ai,ijk,bj->akb", basis, logarithms, basis)
     return out
 
 
 def rings(carrier_v, cref_f, temp_degc):
     """`Ring` of arrays of one shape (n,)."""
-    u = chebyshev.chebvander(_unit(np.log(cref_f), *map(math.log, CREF_F)), DEGREE)
-    v = chebyshev.chebvander(_unit(carrier_v, *CARRIER_V), DEGREE)
-    at = (u @ _tables()[temp_degc].reshape(DEGREE + 1, -1)).reshape(len(u), -1, DEGREE + 1)
+    u = chebyshev.chebvander(_map_to_unit(np.log(cref_f), *map(math.log, CREF_F)), DEGREE)
+    v = chebyshev.chebvander(_map_to_unit(carrier_v, *CARRIER_V), DEGREE)
+    at = (u @ _chebyshev_tables()[temp_degc].reshape(DEGREE + 1, -1)).reshape(len(u), -1, DEGREE + 1)
     return Ring(*np.exp(np.einsum("noj,nj->on", at, v)))

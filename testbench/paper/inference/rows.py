@@ -45,21 +45,21 @@ class Row(NamedTuple):
         return self.group in LOGARITHMIC
 
 
-def _row(number, name, group, unit, more=0.0):
+def _paper_row(number, name, group, unit, more=0.0):
     temp = number.temp_degc
     return Row(name, group, temp, number.values[0], math.hypot(number.sigma, more), unit, printed.step(number.text))
 
 
-def fitted():
+def fitted_rows():
     """Rows of the likelihood, phases first."""
     table, out = printed.numbers(), []
     for node, case in PHASES.items():
         (number,) = (n for n in table if n.symbol == f"phi_{node}" and n.case.startswith(case))
-        out.append(_row(number, node, "phases", "deg", MODEL_DEG))
+        out.append(_paper_row(number, node, "phases", "deg", MODEL_DEG))
     for group, symbol in GROUPS.items():
         for temp in TEMPERATURES_DEGC:
-            number = printed.mean_of(table, symbol, temp)
-            out.append(_row(number, f"{group}_{temp:g}", group, UNITS[group]))
+            number = printed.case_mean(table, symbol, temp)
+            out.append(_paper_row(number, f"{group}_{temp:g}", group, UNITS[group]))
     return tuple(out)
 
 
@@ -69,9 +69,9 @@ def steps():
     for group in STEPPED:
         for step, case in STEPS.items():
             for n in table:
-                same = n.quantity.startswith("relative deviation rate of") and n.symbol == GROUPS[group]
-                if same and n.case.startswith(case):
-                    out.append(_row(n, f"{group}_{step}_{n.temp_degc:g}", f"{group}_{step}", "1"))
+                is_match = n.quantity.startswith("relative deviation rate of") and n.symbol == GROUPS[group]
+                if is_match and n.case.startswith(case):
+                    out.append(_paper_row(n, f"{group}_{step}_{n.temp_degc:g}", f"{group}_{step}", "1"))
     return tuple(out)
 
 
@@ -79,7 +79,8 @@ def repeats_dps():
     """{temperature: standard deviation of one case's bias}."""
     table = printed.numbers()
     return {
-        temp: printed.repeatability(table, "bias", temp) * abs(printed.mean_of(table, "bias", temp).values[0])
+        temp: printed.relative_repeatability(table, "bias", temp)
+        * abs(printed.case_mean(table, "bias", temp).values[0])
         for temp in TEMPERATURES_DEGC
     }
 

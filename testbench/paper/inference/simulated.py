@@ -18,7 +18,7 @@ from testbench.paper.inference import forward, heldout, infer, likelihood, prior
 DRAWS = 300
 
 
-class Judged(NamedTuple):
+class TruthRanks(NamedTuple):
     """Ranks by parameter and by row; the probability that the true mode got; effective draws."""
 
     parameters: dict
@@ -42,29 +42,29 @@ def rank(values, weight, truth, rng):
     return float(weight[values < truth].sum() + rng.uniform() * weight[values == truth].sum())
 
 
-def judge(count, seed, draws=DRAWS, progress=None):
+def rank_boards(count, seed, draws=DRAWS, progress=None):
     """`Judged` of `count` boards."""
     folds = rows.folds()
     by_class = [f for f in folds if "class" in f.rule]
     by_temp = [f for f in folds if "temperature" in f.rule]
-    out = Judged({p.name: [] for p in priors.PRIORS}, {}, [], [])
+    out = TruthRanks({p.name: [] for p in priors.PRIORS}, {}, [], [])
     for number in range(count):
         z, mode, rng = board(seed, number)
-        (paper,) = likelihood.drawn(z, mode, rng)
+        (paper,) = likelihood.draw_papers(z, mode, rng)
         post = infer.posterior(likelihood.compared(paper), rng, draws)
         out.sizes.append(post.size)
         for k, prior in enumerate(priors.PRIORS):
             out.parameters[prior.name].append(rank(post.z[:, k], post.weight, z[0, k], rng))
-        same = np.all([post.mode[name] == mode[name] for name in mode], axis=0)
-        out.true_mode.append(float(post.weight[same].sum()))
+        true_mask = np.all([post.mode[name] == mode[name] for name in mode], axis=0)
+        out.true_mode.append(float(post.weight[true_mask].sum()))
         steps = tuple(row.name for row in likelihood.STEPPED)
         todo = [(post, steps)]
         for fold in (by_class[number % len(by_class)], by_temp[number % len(by_temp)]):
             todo.append((infer.posterior(likelihood.compared(paper, fold.rows), rng, draws), fold.rows))
         for fitted, names in todo:
-            said = heldout.predictions(fitted, rng)
+            row_draws = heldout.draw_predictions(fitted, rng)
             for name in names:
-                got = rank(said[name], fitted.weight, paper.values[name], rng)
+                got = rank(row_draws[name], fitted.weight, paper.values[name], rng)
                 out.held_out.setdefault(name, []).append(got)
         if progress:
             progress("simulated papers", number + 1, count)

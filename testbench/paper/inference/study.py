@@ -30,23 +30,23 @@ def with_words(config, case):
     node, loop = phases.node_deg(), phases.loop_deg()
     words = {"drive_sine": ("xe1", node["xe1"]), "drive_ref": ("xe2", -loop["xe2"]), "sense_sine": ("ye1", node["ye1"]),
              "sense_ref": ("ye2", -loop["ye2"])}  # fmt: skip
-    given = {f"firmware.phase_{w}_deg": deg for w, (n, deg) in words.items() if case >= forward.COMPENSATED[n]}
-    return changed(config, given)
+    phase_words = {f"firmware.phase_{w}_deg": deg for w, (n, deg) in words.items() if case >= forward.COMPENSATED[n]}
+    return changed(config, phase_words)
 
 
-def rows_of(config, ye2_at_pin=True):
+def config_rows(config, ye2_at_pin=True):
     """{row: value} of a configuration by budget and linear loops, which share no closed form with `forward`."""
     phases = budget(config, forward.ROOM_DEGC)
     node, loop = phases.node_deg(), phases.loop_deg()
     out = {"xe1": node["xe1"], "xe2": loop["xe2"], "ye1": node["ye1"], "ye2": (node if ye2_at_pin else loop)["ye2"]}
     configs = {case: with_words(config, case) for case in forward.CASES}
     for temp in rows.TEMPERATURES_DEGC:
-        seen = {case: derived.derive(c, temp) for case, c in configs.items()}
+        observables = {case: derived.derive(c, temp) for case, c in configs.items()}
         for group, name in QUANTITIES.items():
-            out[f"{group}_{temp:g}"] = float(np.mean([getattr(seen[case], name) for case in (1, 2, 3)]))
+            out[f"{group}_{temp:g}"] = float(np.mean([getattr(observables[case], name) for case in (1, 2, 3)]))
         for group in rows.STEPPED:
             for step in rows.STEPS:
-                before, after = (getattr(seen[int(case)], QUANTITIES[group]) for case in step.split("to"))
+                before, after = (getattr(observables[int(case)], QUANTITIES[group]) for case in step.split("to"))
                 out[f"{group}_{step}_{temp:g}"] = abs(after - before) / abs(before)
     return out
 
@@ -67,9 +67,9 @@ def _numbers(post):
         z = post.z[:, k]
         mean = float(post.weight @ z)
         width = math.sqrt(float(post.weight @ (z - mean) ** 2))
-        said = [float(prior.value(infer.quantile(z, post.weight, share))) for share in heldout.SHARES]
+        quantiles = [float(prior.value(infer.quantile(z, post.weight, share))) for share in heldout.SHARES]
         verdict = "strained" if abs(mean) > STRAINED else "carried" if width < CARRIED else "open"
-        out.append({"name": prior.name, "unit": prior.unit, "prior": [prior.lo, prior.hi], "posterior": said,
+        out.append({"name": prior.name, "unit": prior.unit, "prior": [prior.lo, prior.hi], "posterior": quantiles,
                     "shift": mean, "width": width, "verdict": verdict, "why": prior.why})  # fmt: skip
     return out
 
@@ -82,61 +82,61 @@ def _choices(post):
     return out
 
 
-def _modes(found):
-    shown = range(min(MODES_SHOWN, len(found.weight)))
+def _ranked_modes(optima):
+    ranks = range(min(MODES_SHOWN, len(optima.weight)))
     return [
-        {"choices": {n: int(a[k]) for n, a in found.mode.items()}, "weight": float(found.weight[k]),
-         "chi2": float(found.chi2[k]), "prior_chi2": float(np.sum(found.z[k] ** 2))} for k in shown
+        {"choices": {n: int(a[k]) for n, a in optima.mode.items()}, "weight": float(optima.weight[k]),
+         "chi2": float(optima.chi2[k]), "prior_chi2": float(np.sum(optima.z[k] ** 2))} for k in ranks
     ]  # fmt: skip
 
 
-def best_board(data, found):
+def best_board(data, optima):
     """(z, mode, covariance) of the most probable mode, at the default's drive frequency, which is on no grid."""
-    mode = {name: int(a[0]) for name, a in found.mode.items()}
+    mode = {name: int(a[0]) for name, a in optima.mode.items()}
     prior = priors.PRIORS[priors.NAMES.index("fx_hz")]
-    wanted = (Config().plant.fx_hz - prior.value(0.0)) / (prior.value(1.0) - prior.value(0.0))
-    z, hessian = infer.settled(found.z[0], mode, data, {"fx_hz": wanted})
+    fx_z = (Config().plant.fx_hz - prior.value(0.0)) / (prior.value(1.0) - prior.value(0.0))
+    z, hessian = infer.settled(optima.z[0], mode, data, {"fx_hz": fx_z})
     return z, mode, np.linalg.inv(hessian)
 
 
-def _held_changes(paper, classes, kept, draws):
+def _holdout_changes(paper, classes, by_fold, draws):
     """What would meet each class that is contradicted where its temperature is left out: a part moved, or a sign."""
-    moved, signs, rng = [], [], np.random.default_rng(SEED)
+    moves, signs, rng = [], [], np.random.default_rng(SEED)
     for c in classes:
-        if c.verdict == "contradicted" and kept[c.fold][0].rule == heldout.TEMPERATURE:
-            moved += [m._asdict() for m in change.at_temperature(paper, kept[c.fold], c.group)]
-            turned = change.with_other_sign(paper, kept[c.fold][0], c.group, rng, draws, LEAST_DRAWS)
+        if c.verdict == "contradicted" and by_fold[c.fold][0].rule == heldout.TEMPERATURE:
+            moves += [m._asdict() for m in change.temperature_moves(paper, by_fold[c.fold], c.group)]
+            turned = change.with_other_sign(paper, by_fold[c.fold][0], c.group, rng, draws, LEAST_DRAWS)
             signs.append(turned._asdict() | {"verdict": turned.verdict, "p_as_printed": c.p})
-    return {"changes_at_temperature": moved, "other_sign": signs}
+    return {"changes_at_temperature": moves, "other_sign": signs}
 
 
-def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
+def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
     """All of it as a dict of plain data; about a minute."""
 
-    def told(text, step):
+    def report_progress(text, step):
         if progress:
             progress(text, step, 4)
 
-    told("posterior", 0)
+    report_progress("posterior", 0)
     paper = paper or likelihood.the_paper()
     rng = np.random.default_rng(SEED)
     data = likelihood.compared(paper)
     post = infer.posterior(data, rng, draws, LEAST_DRAWS)
     z, mode, covariance = best_board(data, post.optimum)
     v = {name: float(a) for name, a in priors.values(z).items()}
-    told("rows by the linear loops", 1)
-    before, after = rows_of(Config()), rows_of(board.config_of(v, mode), mode["ye2_at_pin"] == 1)
-    told("held-out rows", 2)
-    predicted, classes, kept = heldout.judged(paper, rng, fold_draws, LEAST_DRAWS)
-    told("changes and measurements", 3)
+    report_progress("rows by the linear loops", 1)
+    before, after = config_rows(Config()), config_rows(board.board_config(v, mode), mode["ye2_at_pin"] == 1)
+    report_progress("held-out rows", 2)
+    predicted, classes, by_fold = heldout.judge_folds(paper, rng, fold_draws, LEAST_DRAWS)
+    report_progress("changes and measurements", 3)
     worth, open_bits = measurements.worth(post, rng)
     groups = dict.fromkeys(row.group for row in likelihood.FITTED)
     return {
         "draws": draws,
         "effective_draws": post.size,
         "fold_draws": fold_draws,
-        "effective_fold_draws": {name: post.size for name, (_, post, _) in kept.items()},
-        "modes": _modes(post.optimum),
+        "effective_fold_draws": {name: post.size for name, (_, post, _) in by_fold.items()},
+        "modes": _ranked_modes(post.optimum),
         "choices": _choices(post),
         "numbers": _numbers(post),
         "rows": [
@@ -145,10 +145,10 @@ def study(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS):
             for r in (*likelihood.FITTED, *likelihood.STEPPED)
         ],
         "chi2": {g or "all": [chi2(before, g), chi2(after, g)] for g in (*groups, None)},
-        "held_out": [p._asdict() | {"inside": p.inside} for p in predicted],
+        "held_out": [p._asdict() | {"is_inside": p.is_inside} for p in predicted],
         "classes": [c._asdict() | {"verdict": c.verdict} for c in classes],
         "changes": [i._asdict() for items in change.smallest(z, mode).values() for i in items],
-        **_held_changes(paper, classes, kept, fold_draws),
+        **_holdout_changes(paper, classes, by_fold, fold_draws),
         "measurements": [w._asdict() for w in worth],
         "open_bits": open_bits,
         "board": {"mode": mode, "settings": board.settings(v, mode), "names": list(priors.NAMES), "z": z.tolist(),

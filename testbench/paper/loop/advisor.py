@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 from testbench.paper.loop import limit_cycles
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import Parts
+from testbench.paper.loop.loop_parameters import LoopParameters
 
 GAIN_LIMIT_DB = 60.0
 
@@ -94,71 +94,73 @@ def _crossings(a, word_in, word, frame_s):
     grid = _fine_grid(a, frame_s)
     values = ratio(grid)
     size = np.log(np.abs(values))
-    found = []
+    crossings = []
     for k in np.flatnonzero(size[:-1] * size[1:] < 0):
         hz = brentq(lambda f: math.log(abs(ratio(f)[0])), grid[k], grid[k + 1], xtol=1e-9)
         lag = math.degrees(np.angle(-ratio(hz)[0])) % 360
-        found.append(Crossing(float(hz), float(lag), float(360 - lag)))
-    return tuple(found), float(np.min(np.abs(1 + values)))
+        crossings.append(Crossing(float(hz), float(lag), float(360 - lag)))
+    return tuple(crossings), float(np.min(np.abs(1 + values)))
 
 
 def bandwidth(loop):
     """(bandwidth Hz, peak dB, peak Hz): first frequency 3.01 dB below rest, and the largest value up to there."""
-    dc = abs(rest_gain(loop))
+    dc = abs(dc_gain(loop))
 
     def level_db(hz):
         return 20 * np.log10(np.abs(lp.response(loop, hz)) / dc)
 
     grid = np.geomspace(0.2, 0.25 / loop.frame_s, 400)
     levels = level_db(grid)
-    below = np.flatnonzero(levels < -3.0103)
-    if not len(below) or below[0] == 0:
+    past_edge = np.flatnonzero(levels < -3.0103)
+    if not len(past_edge) or past_edge[0] == 0:
         return None, None, None
-    k = int(below[0])
+    k = int(past_edge[0])
     edge = float(brentq(lambda f: level_db(f)[0] + 3.0103, grid[k - 1], grid[k], xtol=1e-6))
-    near = np.linspace(grid[max(int(np.argmax(levels[:k])) - 1, 0)], grid[min(int(np.argmax(levels[:k])) + 1, k)], 60)
-    top = level_db(near)
-    return edge, float(np.max(top)), float(near[np.argmax(top)])
+    peak_grid = np.linspace(
+        grid[max(int(np.argmax(levels[:k])) - 1, 0)], grid[min(int(np.argmax(levels[:k])) + 1, k)], 60
+    )
+    top = level_db(peak_grid)
+    return edge, float(np.max(top)), float(peak_grid[np.argmax(top)])
 
 
-def rest_gain(loop):
+def dc_gain(loop):
     """Word LSB per rad/s at rest."""
-    return float(loop.row @ lp.rest(loop, (1.0, 0.0, 0.0, 0.0)))
+    return float(loop.row @ lp.steady_state(loop, (1.0, 0.0, 0.0, 0.0)))
 
 
-def ring(loop, split_hz):
+def ring_pole(loop, split_hz):
     """The pole pair of the sense mode at the split, as the closed loop has it."""
-    near = [p for p in lp.poles(loop) if 0.5 * abs(split_hz) < p.hz < 1.5 * abs(split_hz) + 5]
-    return max(near, key=lambda p: abs(p.z)) if near else None
+    candidates = [p for p in lp.poles(loop) if 0.5 * abs(split_hz) < p.hz < 1.5 * abs(split_hz) + 5]
+    return max(candidates, key=lambda p: abs(p.z)) if candidates else None
 
 
-def analyse(p: Parts):
+def analyse(p: LoopParameters):
     """`Advice` for the parts, without warnings."""
     fr, k = lp.frame(p), lp.gains(p)
     row = np.zeros(len(fr.f) + lp.TAIL)
     row[lp.WORD_BEFORE] = 1.0
 
-    def made(ftr=1.0, qsc=1.0):
+    def make_loop(ftr=1.0, qsc=1.0):
         return lp.Loop(*lp.assemble(fr, k, ftr, qsc)[:2], row, None, None, p.frame_s)
 
-    loop = made()
+    loop = make_loop()
     worst = lp.poles(loop)[0]
     if abs(worst.z) >= 1:
         return Advice(False, -worst.tau_s, worst.hz, *(None,) * 3, (), *(None,) * 11, ())
     a, _, _, _, word_in, word = lp.assemble(fr, k, broken=True)
     crossings, modulus = _crossings(a, word_in, word, p.frame_s)
     edge, peak_db, peak_hz = bandwidth(loop)
-    shaken = ring(loop, p.split_hz)
-    lsb = rest_gain(loop) * lp.DEG
-    still = lp.rest(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
+    shaken = ring_pole(loop, p.split_hz)
+    lsb = dc_gain(loop) * lp.DEG
+    still = lp.steady_state(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
     at_ring = abs(lp.response(loop, shaken.hz)[0]) * lp.DEG / abs(lsb) if shaken else None
     return Advice(
         stable=True,
         growth_tau_s=None,
         growth_hz=None,
-        gain_margin_up_db=_margin(lambda g: made(ftr=g), True),
-        gain_margin_down_db=_margin(lambda g: made(ftr=g), False),
-        qsc_margin_up_db=_margin(lambda g: made(qsc=g), True),
+        gain_margin_up_db=_margin(lambda g: make_loop(ftr=g), True),
+        gain_margin_down_db=_margin(lambda g: make_loop(ftr=g), False),
+        qsc_margin_up_db=_margin(lambda g: make_loop(qsc=g), True),
         crossings=crossings,
         modulus_margin=modulus,
         delay_margin_us=min((c.delay_us for c in crossings), default=None),
@@ -175,7 +177,7 @@ def analyse(p: Parts):
     )
 
 
-def volts(p: Parts, u):
+def volts(p: LoopParameters, u):
     """V_q (V) of u; NaN below 0, where the loop would rail."""
     return math.sqrt(u / 2.0**32) * p.quad_span_v if u >= 0 else math.nan
 
@@ -194,54 +196,57 @@ WARN = {
 BAND_HZ = 24.0, 30.0  # of the paper's board
 
 
-def warnings(p: Parts, a: Advice, band_hz=BAND_HZ):
+def warnings(p: LoopParameters, a: Advice, band_hz=BAND_HZ):
     """What to mind, one line each: number, limit, reason."""
-    said = []
+    texts = []
     if not a.stable:
         kind = f"oscillates at {a.growth_hz:.1f} Hz" if a.growth_hz > 0.5 else "runs away"
-        said.append(f"unstable: {kind}, growing by e every {1e3 * a.growth_tau_s:.3g} ms")
+        texts.append(f"unstable: {kind}, growing by e every {1e3 * a.growth_tau_s:.3g} ms")
         if p.split_hz * p.word_ki * p.cv_v_per_m * p.k_vf_n_per_v < 0:
-            said.append(
+            texts.append(
                 f"split {p.split_hz:.1f} Hz has the other sign than that of the nominal board, for which the loops "
                 "are made"
             )
-        return tuple(said)
+        return tuple(texts)
     lag = p.sid_stages * math.degrees(math.atan(abs(p.split_hz) / p.sid_hz))
     if a.gain_margin_up_db is not None and a.gain_margin_up_db < WARN["gain_margin_db"]:
-        said.append(f"gain margin {a.gain_margin_up_db:.1f} dB is below {WARN['gain_margin_db']:g} dB")
-    near = min(a.crossings, key=lambda c: min(c.lag_deg, c.lead_deg), default=None)
-    if near and min(near.lag_deg, near.lead_deg) < WARN["phase_margin_deg"]:
-        side = "lag" if near.lag_deg < near.lead_deg else "lead"
-        said.append(
-            f"phase margin {min(near.lag_deg, near.lead_deg):.0f} deg of {side} at {near.hz:.1f} Hz is below "
+        texts.append(f"gain margin {a.gain_margin_up_db:.1f} dB is below {WARN['gain_margin_db']:g} dB")
+    closest = min(a.crossings, key=lambda c: min(c.lag_deg, c.lead_deg), default=None)
+    if closest and min(closest.lag_deg, closest.lead_deg) < WARN["phase_margin_deg"]:
+        side = "lag" if closest.lag_deg < closest.lead_deg else "lead"
+        texts.append(
+            f"phase margin {min(closest.lag_deg, closest.lead_deg):.0f} deg of {side} at {closest.hz:.1f} Hz is below "
             f"{WARN['phase_margin_deg']:g} deg; the SID lags {lag:.0f} deg at the split, and 180 deg is best"
         )
     if a.peak_db is not None and a.peak_db > WARN["peak_db"]:
-        said.append(f"closed-loop peak {a.peak_db:.1f} dB at {a.peak_hz:.1f} Hz is above {WARN['peak_db']:g} dB")
+        texts.append(f"closed-loop peak {a.peak_db:.1f} dB at {a.peak_hz:.1f} Hz is above {WARN['peak_db']:g} dB")
     low_hz, high_hz = band_hz
     if a.bandwidth_hz is not None and not low_hz <= a.bandwidth_hz <= high_hz:
-        said.append(f"bandwidth {a.bandwidth_hz:.1f} Hz is outside {low_hz:g} .. {high_hz:g} Hz")
+        texts.append(f"bandwidth {a.bandwidth_hz:.1f} Hz is outside {low_hz:g} .. {high_hz:g} Hz")
     if a.ring_tau_s is not None and a.ring_tau_s > WARN["ring_tau_s"]:
-        said.append(f"the split rings for {a.ring_tau_s:.2f} s (tau), longer than {WARN['ring_tau_s']:g} s")
+        texts.append(f"the split rings for {a.ring_tau_s:.2f} s (tau), longer than {WARN['ring_tau_s']:g} s")
     if a.split_db is not None and a.split_db > WARN["split_db"]:
-        said.append(f"{a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration will show")
+        texts.append(
+            f"{a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration will show"
+        )
     turn_deg = math.remainder(math.degrees(p.ye1_rad - p.sense_turn_rad + p.xe2_rad), 360.0)
     if abs(turn_deg) > WARN["leak_deg"]:
         off, leak = 100 / math.cos(lp.DEG * turn_deg) - 100, 100 * math.tan(lp.DEG * turn_deg)
-        said.append(
+        texts.append(
             f"ye1 + xe2' = {turn_deg:.2f} deg is above {WARN['leak_deg']:g} deg: scale factor {off:+.2f} %, and V_q "
             f"must take up {leak:.1f} % of the rate"
         )
-    rest = limit_cycles.resolution(p)
-    if rest.dither < WARN["dither_steps"]:
-        said.append(
-            f"noise at the converter is {rest.dither:.2f} of its step, below {WARN['dither_steps']:g}: rates within "
-            f"+-{3600 * rest.adc_dead_band_dps:.1f} deg/h of the last one change nothing"
+    rounding = limit_cycles.resolution(p)
+    if rounding.dither < WARN["dither_steps"]:
+        texts.append(
+            f"noise at the converter is {rounding.dither:.2f} of its step, below {WARN['dither_steps']:g}: rates "
+            "within "
+            f"+-{3600 * rounding.adc_dead_band_dps:.1f} deg/h of the last one change nothing"
         )
-    return tuple(said)
+    return tuple(texts)
 
 
-def advise(p: Parts, band_hz=BAND_HZ):
+def advise(p: LoopParameters, band_hz=BAND_HZ):
     """`Advice` with its warnings; `band_hz` is where the bandwidth should be."""
     a = analyse(p)
     return a._replace(warnings=warnings(p, a, band_hz))
@@ -257,7 +262,7 @@ AXES = {
 }
 
 
-def varied(p: Parts, **values):
+def varied(p: LoopParameters, **values):
     """Parts with `sid_hz`, `split_hz` (f_x stays), `crossover` or `zero` (factors on what is configured) changed."""
     for name, value in values.items():
         if name == "sid_hz":
@@ -275,11 +280,11 @@ def varied(p: Parts, **values):
 
 def turned(p, ye1_deg, ye2_deg):
     """Parts whose sense path has these phases (ye1 node, ye2' loop), lags in deg."""
-    own = sum(math.atan(p.w_rad_s * tau) for tau in p.cv_s)
-    return p._replace(ye1_rad=math.radians(ye1_deg), switch_rad=own - math.radians(ye2_deg))
+    amplifier_rad = sum(math.atan(p.w_rad_s * tau) for tau in p.cv_s)
+    return p._replace(ye1_rad=math.radians(ye1_deg), switch_rad=amplifier_rad - math.radians(ye2_deg))
 
 
-def retuned(p: Parts, split_hz):
+def retuned(p: LoopParameters, split_hz):
     """Parts at another split with the FTR gains scaled as a designer would: the mode's gain goes with 1/split."""
     factor = split_hz / p.split_hz
     return varied(p, split_hz=split_hz, crossover=factor)
@@ -298,7 +303,7 @@ class Map(NamedTuple):
 MAP_HZ = np.geomspace(2.0, 400.0, 48)
 
 
-def stability_map(p: Parts, x, x_values, y, y_values, progress=None, keep_gain=True):
+def stability_map(p: LoopParameters, x, x_values, y, y_values, progress=None, keep_gain=True):
     """`Map` of two of `AXES`.
 
     keep_gain  the FTR gains follow the split, so that the crossover stays what is configured
@@ -314,9 +319,9 @@ def stability_map(p: Parts, x, x_values, y, y_values, progress=None, keep_gain=T
             if lp.radius(loop) >= 1:
                 peak[j, i] = math.inf
                 continue
-            near = ring(loop, q.split_hz)
-            f = np.append(MAP_HZ, near.hz) if near else MAP_HZ
-            peak[j, i] = 20 * math.log10(np.max(np.abs(lp.response(loop, f))) / abs(rest_gain(loop)))
+            pole = ring_pole(loop, q.split_hz)
+            f = np.append(MAP_HZ, pole.hz) if pole else MAP_HZ
+            peak[j, i] = 20 * math.log10(np.max(np.abs(lp.response(loop, f))) / abs(dc_gain(loop)))
         if progress:
             progress("stability map", j + 1, len(y_values))
     return Map(x, y, np.asarray(x_values), np.asarray(y_values), peak)

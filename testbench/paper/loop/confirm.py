@@ -20,7 +20,7 @@ LINES_HZ = (1, 2, 4, 7, 11, 15, 18, 21, 24, 26, 28, 30, 35, 42, 50, 60)
 SETTLE_S, WINDOW_S, LINE_DPS = 2.5, 2.0, 4.0
 
 
-class PlayedRun(NamedTuple):
+class ProfileRun(NamedTuple):
     """Rows of a profile from its first frame on, and whether the gyroscope was in lock all the time."""
 
     frame_s: float
@@ -33,7 +33,7 @@ class PlayedRun(NamedTuple):
         return np.arange(len(self.columns["lock"])) * self.frame_s
 
 
-def _play(config, rate_dps):
+def _run_profile(config, rate_dps):
     temp = config.scenario.temperature_degc
     temp_degc = temp if isinstance(temp, (int, float)) else temp[0][1]
     sim = Simulation(config, temp_degc, temp_degc)
@@ -46,12 +46,12 @@ def _play(config, rate_dps):
     sim.advance(len(rate_dps) * frame_ticks, rate_dps * DEG, temp_degc)
     columns = sim.columns()
     lock = columns["lock"]
-    return PlayedRun(1 / sim.design.frame_hz, columns, bool(np.all(lock == lock[0])) and sim.locked)
+    return ProfileRun(1 / sim.design.frame_hz, columns, bool(np.all(lock == lock[0])) and sim.locked)
 
 
-def play_run(configs, profiles_dps):
+def run_profiles(configs, profiles_dps):
     """[`Played`, ...]; profiles are deg/s per frame. ConfigError if a gyroscope does not lock."""
-    return [_play(c, np.asarray(r, float)) for c, r in zip(configs, profiles_dps)]
+    return [_run_profile(c, np.asarray(r, float)) for c, r in zip(configs, profiles_dps)]
 
 
 def multisine(lines_hz=LINES_HZ, line_dps=LINE_DPS, settle_s=SETTLE_S, window_s=WINDOW_S, frame_hz=DEFAULT.frame_hz):
@@ -65,12 +65,12 @@ def lines(time_s, values, lines_hz):
     """Complex amplitudes of lines (a - j b of a cos + b sin) by joint least squares with an offset."""
     angle = 2 * math.pi * np.outer(time_s, lines_hz)
     basis = np.hstack([np.cos(angle), np.sin(angle), np.ones((len(time_s), 1))])
-    found = np.linalg.lstsq(basis, np.asarray(values, float), rcond=None)[0]
+    solution = np.linalg.lstsq(basis, np.asarray(values, float), rcond=None)[0]
     n = len(lines_hz)
-    return found[:n] - 1j * found[n : 2 * n]
+    return solution[:n] - 1j * solution[n : 2 * n]
 
 
-def measured_response(run: PlayedRun, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_S):
+def measured_response(run: ProfileRun, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_S):
     """Word (LSB) per rate (deg/s) of a played multisine at its lines; phase against the row's time."""
     count = round(window_s / run.frame_s)
     t = run.time_s[-count:]

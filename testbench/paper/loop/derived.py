@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from testbench.paper.loop import advisor, sensitivity
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import Parts, parts
+from testbench.paper.loop.loop_parameters import LoopParameters, loop_parameters
 from testbench.run.budget import budget
 
 
@@ -37,35 +37,37 @@ class Derived(NamedTuple):
 def per_volt_dps(loop):
     """deg/s by which a volt behind each demodulator turns the word, both together (rms)."""
     columns = lp.OFFSET_SIN, lp.OFFSET_COS
-    found = (abs(lp.response(loop, sensitivity.ARW_HZ, column)[0]) for column in columns)
-    return math.hypot(*found) / abs(advisor.rest_gain(loop) * lp.DEG)
+    gains = (abs(lp.response(loop, sensitivity.ARW_HZ, column)[0]) for column in columns)
+    return math.hypot(*gains) / abs(advisor.dc_gain(loop) * lp.DEG)
 
 
-def instability_deg_per_h(p: Parts, loop):
+def instability_deg_per_h(p: LoopParameters, loop):
     """Floor of the Allan deviation under 1/f noise of one-sided density h/f: sqrt(2 ln 2 h)."""
     return 3600 * math.sqrt(2 * math.log(2)) * p.flicker_v_per_rthz * per_volt_dps(loop)
 
 
-def bias_parts_dps(p: Parts, loop):
+def bias_parts_dps(p: LoopParameters, loop):
     """{source: deg/s}: coupling of damping, and the demodulators' offsets."""
-    lsb = advisor.rest_gain(loop) * lp.DEG
-    told = {
+    lsb = advisor.dc_gain(loop) * lp.DEG
+    inputs_by_source = {
         "damping": (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), 0.0, 0.0, 0.0),
         "sine": (0.0, 0.0, p.sid_offset_v[0], 0.0),
         "cosine": (0.0, 0.0, 0.0, p.sid_offset_v[1]),
     }
-    return {name: float(lp.rest(loop, inputs)[lp.WORD_BEFORE]) / lsb for name, inputs in told.items()}
+    return {
+        name: float(lp.steady_state(loop, inputs)[lp.WORD_BEFORE]) / lsb for name, inputs in inputs_by_source.items()
+    }
 
 
 def derive(config, temp_degc):
     """`Derived` of a configuration at a temperature; ConfigError as `parts`. About 0.1 s."""
-    p = parts(config, temp_degc)
+    p = loop_parameters(config, temp_degc)
     loop = lp.close(p)
-    still = lp.rest(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
-    lsb = advisor.rest_gain(loop) * lp.DEG
+    still = lp.steady_state(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
+    lsb = advisor.dc_gain(loop) * lp.DEG
     frequency_hz = p.w_rad_s / (2 * math.pi)
     phases = budget(config, temp_degc, frequency_hz)
-    node, own = phases.node_deg(), phases.loop_deg()
+    node, loop_deg = phases.node_deg(), phases.loop_deg()
     return Derived(
         temp_degc=float(temp_degc),
         lsb_per_dps=lsb,
@@ -75,7 +77,7 @@ def derive(config, temp_degc):
         instability_deg_per_h=instability_deg_per_h(p, loop),
         frequency_hz=frequency_hz,
         xe1_deg=node["xe1"],
-        xe2_deg=own["xe2"],
+        xe2_deg=loop_deg["xe2"],
         ye1_deg=node["ye1"],
-        ye2_deg=own["ye2"],
+        ye2_deg=loop_deg["ye2"],
     )

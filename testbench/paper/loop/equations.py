@@ -47,8 +47,8 @@ def equation_of_motion(position, velocity, force, x: Mode, y: Mode, c: Coupling)
     swap = np.array([[0.0, 1.0], [1.0, 0.0]])
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     mass = np.array([x.m, y.m])
-    own = np.array([x.w, y.w]) ** 2 * q + np.array([x.w / x.q, y.w / y.q]) * v
-    return (f - c.k_xy * swap @ q - c.d_xy * swap @ v - 2 * c.m_c * c.omega_z * turn @ v) / mass - own
+    mode_acceleration = np.array([x.w, y.w]) ** 2 * q + np.array([x.w / x.q, y.w / y.q]) * v
+    return (f - c.k_xy * swap @ q - c.d_xy * swap @ v - 2 * c.m_c * c.omega_z * turn @ v) / mass - mode_acceleration
 
 
 def _amplitude(force_n, mode: Mode, w_d):
@@ -85,8 +85,8 @@ def sense_response(t, a_x, y: Mode, w_d, c: Coupling):
 def sense_force(t, v_c, phi_ye1, k_vf, a_x, w_d, c: Coupling):
     """(6) force on y (N): -2 m_c Omega A_x w sin + k_xy A_x cos + V_c k_vf sin(w t + phi_ye1)."""
     angle = w_d * t
-    own = -2 * c.m_c * c.omega_z * a_x * w_d * np.sin(angle) + c.k_xy * a_x * np.cos(angle)
-    return own + v_c * k_vf * np.sin(angle + phi_ye1)
+    input_force = -2 * c.m_c * c.omega_z * a_x * w_d * np.sin(angle) + c.k_xy * a_x * np.cos(angle)
+    return input_force + v_c * k_vf * np.sin(angle + phi_ye1)
 
 
 def feedback_parts(v_c, phi_ye1, k_vf):
@@ -175,7 +175,7 @@ def scale_factor_with_drive(a_x, w_d, m_c, k_vf, phi_ye1, phi_xe2):
     return scale_factor(a_x, w_d, m_c, k_vf, phi_ye1 + phi_xe2)
 
 
-def held_signal(t, a_i, a_q, w_d, phi_ye2):
+def fixed_loop_signal(t, a_i, a_q, w_d, phi_ye2):
     """(13) sense C/V output with both loops held: A_I sin + A_Q cos, turned by phi_ye2."""
     angle = w_d * t + phi_ye2
     return a_i * np.sin(angle) + a_q * np.cos(angle)
@@ -192,7 +192,7 @@ class Misprint(NamedTuple):
     where: str
     printed: str
     right: str
-    shown: tuple
+    example: tuple
 
 
 def misprints(y: Mode, w_d, m_c, phi_ye1):

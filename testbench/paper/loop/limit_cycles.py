@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import Parts, parts
+from testbench.paper.loop.loop_parameters import LoopParameters, loop_parameters
 from testbench.run import build
 
 FAR_CODES = 256  # beyond it rounding is lost in the sine's own sweep
@@ -43,13 +43,13 @@ class Hunt(NamedTuple):
     codes: np.ndarray  # (frames, 2) sine and cosine
 
 
-def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: Parts | None = None, settled=True):
+def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: LoopParameters | None = None, settled=True):
     """`Hunt` at a rate (deg/s): a number, or one value per frame.
 
     code_noise  rms (codes) of white noise at the converter, before rounding
     settled     begin where the linear loops rest; else from nothing
     """
-    p = p or parts(config)
+    p = p or loop_parameters(config)
     fr = lp.frame(p)
     firmware = build.firmware(config).control
     ftr, qsc = firmware.rate_loop.loop, firmware.quadrature_loop.loop
@@ -57,7 +57,7 @@ def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: Parts | None
     rates = np.broadcast_to(np.asarray(rate_dps, float), frames) * lp.DEG + p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg)
     noise = np.random.default_rng(seed).normal(0.0, 1.0, (frames, 2)) * code_noise
     loop = lp.close(p)
-    state = lp.rest(loop, (rates[0], p.kxy_n_per_m, *p.sid_offset_v)) if settled else np.zeros(len(loop.a))
+    state = lp.steady_state(loop, (rates[0], p.kxy_n_per_m, *p.sid_offset_v)) if settled else np.zeros(len(loop.a))
     n = len(fr.f)
     z, later, ending = state[:n].copy(), np.zeros(2), np.zeros(2)
     ending[:] = state[lp.NEXT_SIN], state[lp.NEXT_COS]
@@ -74,9 +74,9 @@ def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: Parts | None
         kappa = p.kxy_n_per_m - per_volt[0] * (root_before / per_volt[1]) ** 2
         forces = (force_amplitude(w, p.word_per_code) for w in (word_before, word))
         inputs[:] = rates[k], kappa, *forces, *p.sid_offset_v
-        seen = (gains_c @ z + gains_d @ inputs).reshape(3, 2)
+        conversion_v = (gains_c @ z + gains_d @ inputs).reshape(3, 2)
         z = fr.f @ z + fr.g @ inputs
-        volts, ending, later = ending + seen[0], later + seen[1], seen[2]
+        volts, ending, later = ending + conversion_v[0], later + conversion_v[1], conversion_v[2]
         code = [
             int(p.step_code) * math.floor(v * p.code_per_v / p.step_code + e / p.step_code + 0.5)
             for v, e in zip(volts, noise[k])
@@ -89,7 +89,7 @@ def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: Parts | None
     return out
 
 
-class Rest(NamedTuple):
+class RoundingEffects(NamedTuple):
     """What rounding does at rest, in deg/s, and how the noise compares with the converter's step."""
 
     adc_dead_band_dps: float  # +- this much of residual shows nothing
@@ -100,20 +100,20 @@ class Rest(NamedTuple):
     dither: float  # code_noise by step
 
 
-def resolution(p: Parts):
+def resolution(p: LoopParameters):
     """`Rest` from the parts alone."""
     loop = lp.close(p)
-    lsb = float(loop.row @ lp.rest(loop, (lp.DEG, 0, 0, 0)))
+    lsb = float(loop.row @ lp.steady_state(loop, (lp.DEG, 0, 0, 0)))
     open_loop = lp.Loop(*lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[:2], None, None, None, p.frame_s)
     codes, codes_b = lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[2:]
-    still = lp.rest(open_loop, (lp.DEG, 0, 0, 0))
+    still = lp.steady_state(open_loop, (lp.DEG, 0, 0, 0))
     code_per_dps = abs((codes @ still + codes_b[:, lp.RATE] * lp.DEG)[0])
     full_dps = p.u_full_n_per_m / (2 * p.coriolis_mass_kg * p.w_rad_s) / lp.DEG
     at = math.sqrt(max(p.kxy_n_per_m / p.u_full_n_per_m, 0.0))
     # three equal poles pass pi/2 f3 3/8 of white noise; a sign keeps its density, the difference doubles volts
     passed_hz = math.pi / 2 * p.sid_hz * 3 / 8 if p.sid_stages == 3 else math.pi / 2 * p.sid_hz
     volts = math.hypot(p.adc_noise_v, 2 * p.cv_noise_v_per_rthz * math.sqrt(passed_hz))
-    return Rest(
+    return RoundingEffects(
         p.step_code / 2 / code_per_dps,
         1 / lsb,
         p.word_per_code / lsb,

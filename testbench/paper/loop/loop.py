@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import block_diag, expm, matrix_balance
 
 from analog_frontend.parts import adc
-from testbench.paper.loop.parts import Parts
+from testbench.paper.loop.loop_parameters import LoopParameters
 
 RATE, STIFFNESS, OFFSET_SIN, OFFSET_COS = range(4)  # what acts on the loop: rad/s, N/m, V, V
 DEG = math.pi / 180
@@ -31,7 +31,7 @@ DEG = math.pi / 180
 IN_RATE, IN_KAPPA, IN_BEFORE, IN_AFTER, IN_SIN, IN_COS = range(6)
 
 
-def _plant(p: Parts):
+def _plant(p: LoopParameters):
     """Generator (A, B, C) of everything between the word and the converter, real; inputs: rate, kappa, word."""
     w = p.w_rad_s
     n_chain, n_cv = len(p.chain_s), len(p.cv_s)
@@ -61,7 +61,7 @@ def _plant(p: Parts):
     a[cv, cv - 1] = 0.0
     a[cv, y] = p.cv_v_per_m / p.cv_s[0]
     a -= 1j * w * np.eye(size)
-    seen = np.exp(1j * (p.switch_rad - p.sense_turn_rad))
+    switch_phasor = np.exp(1j * (p.switch_rad - p.sense_turn_rad))
     rate = 2 * math.pi * p.sid_hz
     sid = np.diag(np.full(p.sid_stages, -rate)) + np.diag(np.full(p.sid_stages - 1, rate), -1)
     real = np.block([[a.real, -a.imag], [a.imag, a.real]])
@@ -69,7 +69,7 @@ def _plant(p: Parts):
     out = np.zeros((2, len(full)))
     half_wave = -1j * a[-1] / w if p.sid_switched else np.zeros(size, complex)
     half_wave[-1] += 1.0
-    for channel, turn in enumerate((1j * seen, seen)):
+    for channel, turn in enumerate((1j * switch_phasor, switch_phasor)):
         first = 2 * size + channel * p.sid_stages
         full[first, :size] = rate * p.sid_gain * (turn * half_wave).real
         full[first, size : 2 * size] = -rate * p.sid_gain * (turn * half_wave).imag
@@ -86,22 +86,25 @@ class Frame(NamedTuple):
     d: np.ndarray  # (3, 2, 6)
 
 
-def _piece(a, b, seconds):
+def _discretise(a, b, seconds):
     n, m = b.shape
     both = expm(np.block([[a, b], [np.zeros((m, n + m))]]) * seconds)
     return both[:n, :n], both[:n, n:]
 
 
-def frame(p: Parts):
+def frame(p: LoopParameters):
     """`Frame` of the parts: samples at equal distances, 1.953 us by default, the word changing at `word_acts_s`."""
     a, b, out = _plant(p)
     sample_s = p.frame_s / p.samples
     old, new = np.zeros((len(a), 6)), np.zeros((len(a), 6))
     for wide, column in ((old, IN_BEFORE), (new, IN_AFTER)):
         wide[:, [IN_RATE, IN_KAPPA, column]] = b
-    at, rest = divmod(p.word_acts_s, sample_s)
-    plain, change = _piece(a, old, sample_s), (_piece(a, old, rest), _piece(a, new, sample_s - rest))
-    after = _piece(a, new, sample_s)
+    at, remainder_s = divmod(p.word_acts_s, sample_s)
+    plain, change = (
+        _discretise(a, old, sample_s),
+        (_discretise(a, old, remainder_s), _discretise(a, new, sample_s - remainder_s)),
+    )
+    after = _discretise(a, new, sample_s)
     f, g = np.eye(len(a)), np.zeros((len(a), 6))
     c, d = np.zeros((3, 2, len(a))), np.zeros((3, 2, 6))
     for m in range(p.samples):
@@ -126,7 +129,7 @@ class Gains(NamedTuple):
     u_n_per_m: float  # stiffness taken away per LSB of u
 
 
-def gains(p: Parts):
+def gains(p: LoopParameters):
     return Gains(p.word_kp, p.word_ki, p.u_ki, p.code_per_v, p.u_full_n_per_m / 2.0**32)
 
 
@@ -154,18 +157,20 @@ def assemble(fr: Frame, k: Gains, ftr=1.0, qsc=1.0, broken=False):
     n = len(fr.f)
     size = n + TAIL
     a, b, word_in = np.zeros((size, size)), np.zeros((size, 4)), np.zeros(size)
-    held = np.zeros((6, size))
-    held_b = np.zeros((6, 4))
-    held[IN_KAPPA, U_BEFORE] = -k.u_n_per_m
-    held[IN_BEFORE, WORD_BEFORE] = 1.0
-    held[IN_AFTER, WORD] = 1.0
-    held_b[IN_RATE, RATE] = held_b[IN_KAPPA, STIFFNESS] = held_b[IN_SIN, OFFSET_SIN] = held_b[IN_COS, OFFSET_COS] = 1.0
+    input_map = np.zeros((6, size))
+    input_map_b = np.zeros((6, 4))
+    input_map[IN_KAPPA, U_BEFORE] = -k.u_n_per_m
+    input_map[IN_BEFORE, WORD_BEFORE] = 1.0
+    input_map[IN_AFTER, WORD] = 1.0
+    input_map_b[IN_RATE, RATE] = input_map_b[IN_KAPPA, STIFFNESS] = input_map_b[IN_SIN, OFFSET_SIN] = input_map_b[
+        IN_COS, OFFSET_COS
+    ] = 1.0
     state = np.zeros((n, size))
     state[:, :n] = np.eye(n)
-    a[:n] = fr.f @ state + fr.g @ held
-    b[:n] = fr.g @ held_b
-    sums = [fr.c[j] @ state + fr.d[j] @ held for j in range(3)]
-    sums_b = [fr.d[j] @ held_b for j in range(3)]
+    a[:n] = fr.f @ state + fr.g @ input_map
+    b[:n] = fr.g @ input_map_b
+    sums = [fr.c[j] @ state + fr.d[j] @ input_map for j in range(3)]
+    sums_b = [fr.d[j] @ input_map_b for j in range(3)]
     codes, codes_b = k.code_per_v * sums[0], k.code_per_v * sums_b[0]
     for channel, (now, later) in enumerate(((NEXT_SIN, LATER_SIN), (NEXT_COS, LATER_COS))):
         codes[channel, now] += k.code_per_v
@@ -188,7 +193,7 @@ def assemble(fr: Frame, k: Gains, ftr=1.0, qsc=1.0, broken=False):
     return a, b, codes, codes_b
 
 
-def close(p: Parts, ftr=1.0, qsc=1.0):
+def close(p: LoopParameters, ftr=1.0, qsc=1.0):
     """`Loop` of the parts, with factors on the gains of the two controllers."""
     a, b, codes, codes_b = assemble(frame(p), gains(p), ftr, qsc)
     row = np.zeros(len(a))
@@ -211,7 +216,7 @@ def resolvent(a, z, column):
     return np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, right)[:, :, 0]
 
 
-def return_ratio(p: Parts, f_hz, qsc=1.0):
+def return_ratio(p: LoopParameters, f_hz, qsc=1.0):
     """L of the FTR loop, broken at the word with the quadrature loop closed; the distance to L = -1 is the margin."""
     a, _, _, _, word_in, word = assemble(frame(p), gains(p), 1.0, qsc, broken=True)
     z = np.exp(2j * math.pi * np.atleast_1d(f_hz) * p.frame_s)
@@ -233,14 +238,14 @@ class Pole(NamedTuple):
 
 def poles(loop: Loop):
     """Poles above the real axis, slowest decay first."""
-    found = []
+    upper_poles = []
     for z in np.linalg.eigvals(loop.a):
         if abs(z) > 1e-6 and z.imag >= -1e-12:
             s = np.log(z) / loop.frame_s
-            found.append(
+            upper_poles.append(
                 Pole(float(abs(s.imag)) / (2 * math.pi), float(-1 / s.real) if s.real else math.inf, complex(z))
             )
-    return sorted(found, key=lambda pole: -abs(pole.z))
+    return sorted(upper_poles, key=lambda pole: -abs(pole.z))
 
 
 def radius(loop: Loop):
@@ -248,7 +253,7 @@ def radius(loop: Loop):
     return float(np.max(np.abs(np.linalg.eigvals(loop.a))))
 
 
-def rest(loop: Loop, inputs):
+def steady_state(loop: Loop, inputs):
     """State at rest under constant inputs (rad/s, N/m, V, V).
 
     Metres stand beside words: without balancing the solution would be off by 1e-3 where the split is small.
@@ -257,7 +262,7 @@ def rest(loop: Loop, inputs):
     return scale * np.linalg.solve(np.eye(len(a)) - a, loop.b @ np.asarray(inputs, float) / scale)
 
 
-def play(loop: Loop, inputs, state=None):
+def simulate_words(loop: Loop, inputs, state=None):
     """Words of the rows, frame by frame; inputs (frames, 4). Returns (words, state after)."""
     state = np.zeros(len(loop.a)) if state is None else state
     words = np.empty(len(inputs))

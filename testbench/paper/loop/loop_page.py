@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from testbench.config import changed
-from testbench.console.table import Table, fixed
+from testbench.console.table import Table, fixed_digits
 from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch, sensitivity, temperature_tables
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import simulate
 
 STEP_DPS, STEP_BEFORE_S, STEP_AFTER_S, MEAN_S = 100.0, 2.5, 1.0, 0.05
@@ -39,13 +39,13 @@ class Study:
 
     def __init__(self, config):
         self.config = config
-        self.parts = parts(config)
-        self.advice = advisor.advise(self.parts, advisor.BAND_HZ if config.of_paper else (0.0, math.inf))
-        self.rest = limit_cycles.resolution(self.parts) if self.advice.stable else None
-        own = config.firmware
+        self.parts = loop_parameters(config)
+        self.advice = advisor.advise(self.parts, advisor.BAND_HZ if config.is_paper_board else (0.0, math.inf))
+        self.rounding = limit_cycles.resolution(self.parts) if self.advice.stable else None
+        firmware = config.firmware
         # a notch of the firmware, or one at the ring
-        self.in_firmware = own.notch_hz > 0
-        self.notch_at = (own.notch_width_hz, own.notch_hz) if self.in_firmware else (None, None)
+        self.in_firmware = firmware.notch_hz > 0
+        self.notch_at = (firmware.notch_width_hz, firmware.notch_hz) if self.in_firmware else (None, None)
         self.notch = notch.effect(self.parts, *self.notch_at) if self.advice.stable else None
         self.simulated = self.step = self.still = None
         self.slower = simulate.rate_loop_pace(config)
@@ -60,7 +60,7 @@ class Study:
         count = round((before_s + after_s) * frame_hz)
         step = np.where(np.arange(count) < round(before_s * frame_hz), 0.0, STEP_DPS)
         quiet = changed(self.config, confirm.QUIET)
-        runs = confirm.play_run([self.config, quiet, quiet], [sine, step, np.zeros(count)])
+        runs = confirm.run_profiles([self.config, quiet, quiet], [sine, step, np.zeros(count)])
         self.simulated = confirm.measured_response(runs[0], sine, self.lines_hz, window_s)
         word, begin = runs[1].columns["rate_word"], round(before_s * frame_hz)
         before, after = (float(np.mean(word[k - round(MEAN_S * frame_hz) : k])) for k in (begin, count))
@@ -78,12 +78,12 @@ class Study:
 def tables(study):
     """Tables for the terminal and the page."""
     a, p = study.advice, study.parts
-    shown = [
+    loop_tables = [
         Table(
             "Loops around the sense mode",
             ("what", "value", "unit"),
             [
-                (text, fixed(None if getattr(a, name) is None else getattr(a, name) * factor, digits), unit)
+                (text, fixed_digits(None if getattr(a, name) is None else getattr(a, name) * factor, digits), unit)
                 for name, (text, unit, digits, factor) in NUMBERS.items()
             ],
             f"split {p.split_hz:.2f} Hz, SID {p.sid_stages} x {p.sid_hz:.2f} Hz; derived from the configuration",
@@ -94,9 +94,9 @@ def tables(study):
             (f"{c.hz:.2f}", f"{c.lag_deg:.1f}", f"{c.lead_deg:.1f}", f"{c.delay_us:.0f}") for c in sorted(a.crossings)
         ]
         heads = ("|L| = 1 at Hz", "lag margin deg", "lead margin deg", "delay us")
-        shown.append(Table("Phase margins", heads, rows, numeric=(0, 1, 2, 3)))
-    if study.rest:
-        r = study.rest
+        loop_tables.append(Table("Phase margins", heads, rows, numeric=(0, 1, 2, 3)))
+    if study.rounding:
+        r = study.rounding
         rows = [
             ("converter step, half: dead band without noise", f"{3600 * r.adc_dead_band_dps:.2f}", "deg/h"),
             ("one LSB of the force word", f"{3600 * r.word_lsb_dps:.3f}", "deg/h"),
@@ -104,20 +104,23 @@ def tables(study):
             ("one code of V_q, as quadrature", f"{3600 * r.v_q_lsb_dps:.2f}", "deg/h"),
             ("noise at the converter by its step", f"{r.dither:.2f}", "rms steps"),
         ]
-        shown.append(Table("Rounding", ("what", "value", "unit"), rows))
+        loop_tables.append(Table("Rounding", ("what", "value", "unit"), rows))
     if a.stable:
-        shown += [temperature_tables.shares(study.config), temperature_tables.numbers(study.config)]
+        loop_tables += [temperature_tables.shares(study.config), temperature_tables.numbers(study.config)]
     if study.notch:
         n = study.notch
         rows = [
             ("ring, share of a step, from 0.2 s on", f"{100 * n.ring_without:.3f}", f"{100 * n.ring_with:.3f}", "%"),
             ("bandwidth", f"{n.bandwidth_without_hz:.2f}", f"{n.bandwidth_with_hz:.2f}", "Hz"),
             ("delay added", "0", f"{n.delay_ms:.3f}", "ms"),
-            *((f"left when the ring is {off} Hz off", "0", f"{left:.1f}", "dB") for off, left in n.left_db.items()),
+            *(
+                (f"left when the ring is {off} Hz off", "0", f"{remaining_db:.1f}", "dB")
+                for off, remaining_db in n.left_db.items()
+            ),
         ]
         whose = "The firmware's notch" if study.in_firmware else "A notch"
         title = f"{whose} in the rate output, {n.centre_hz:.1f} Hz, {n.width_hz:g} Hz wide"
-        shown.append(Table(title, ("what", "without", "with", "unit"), rows, numeric=(1, 2)))
+        loop_tables.append(Table(title, ("what", "without", "with", "unit"), rows, numeric=(1, 2)))
     if study.simulated is not None:
         db, deg = study.difference()
         ratio = study.simulated / (lp.response(lp.close(p), study.lines_hz) * lp.DEG)
@@ -127,8 +130,8 @@ def tables(study):
         ]
         note = f"largest {db:.4f} dB, {deg:.3f} deg; without noise the words rest within {np.ptp(study.still[0])} LSB"
         heads = ("Hz", "dB", "deg")
-        shown.append(Table("Simulated less analysis", heads, rows, note, numeric=(0, 1, 2)))
-    return shown
+        loop_tables.append(Table("Simulated less analysis", heads, rows, note, numeric=(0, 1, 2)))
+    return loop_tables
 
 
 def as_json(study):
@@ -139,7 +142,7 @@ def as_json(study):
     out["crossings"] = [{**c._asdict(), "delay_us": c.delay_us} for c in a.crossings]
     out["split_hz"], out["sid_hz"] = study.parts.split_hz, study.parts.sid_hz
     out["poles"] = [{"hz": q.hz, "tau_s": q.tau_s} for q in lp.poles(lp.close(study.parts))[:8]]
-    out["rounding"] = study.rest._asdict() if study.rest else None
+    out["rounding"] = study.rounding._asdict() if study.rounding else None
     out["notch"] = study.notch._asdict() | {"in_firmware": study.in_firmware} if study.notch else None
     out["over_temperature"] = temperature_tables.as_json(study.config) if a.stable else None
     out["simulated"] = None
@@ -155,22 +158,22 @@ def as_json(study):
     return out
 
 
-def sensitivity_tables(found):
+def sensitivity_tables(sensitivity_rows):
     """The strongest six of each observable, and the whole matrix of changes."""
     names = list(sensitivity.OBSERVABLES)
     best = []
     for name in names:
         text, unit = sensitivity.OBSERVABLES[name]
-        for place, row in enumerate(sensitivity.ranking(found, name)[:6], 1):
+        for rank, row in enumerate(sensitivity.ranking(sensitivity_rows, name)[:6], 1):
             label = (row.parameter.name, row.parameter.unit)
-            best.append((f"{text} ({unit})" if place == 1 else "", str(place), *label, f"{row.change[name]:+.4g}"))
-    whole = [
+            best.append((f"{text} ({unit})" if rank == 1 else "", str(rank), *label, f"{row.change[name]:+.4g}"))
+    matrix_rows = [
         (
             row.parameter.name,
             row.parameter.unit,
             *(f"{v:+.3g}" if abs(v) >= sensitivity.RESOLUTION[k] else "" for k, v in row.change.items()),
         )
-        for row in found
+        for row in sensitivity_rows
     ]
     heads = ("parameter", "step", *(f"{text}, {unit}" for text, unit in sensitivity.OBSERVABLES.values()))
     return [
@@ -178,7 +181,7 @@ def sensitivity_tables(found):
         Table(
             "Change for one step",
             heads,
-            whole,
+            matrix_rows,
             "Central differences of the linear loops. Empty: below what the difference resolves.",
             numeric=tuple(range(2, len(heads))),
         ),
@@ -188,14 +191,14 @@ def sensitivity_tables(found):
 def misprint_table(y, w_d, m_c, ye1_rad):
     """The paper's misprints, with the numbers of a gyroscope: sense mode, drive frequency, Coriolis mass, ye1."""
     rows = [
-        (m.where, m.printed, m.right, m.shown[0], f"{m.shown[1]:.4g}", f"{m.shown[2]:.4g}")
+        (m.where, m.printed, m.right, m.example[0], f"{m.example[1]:.4g}", f"{m.example[2]:.4g}")
         for m in equations.misprints(y, w_d, m_c, ye1_rad)
     ]
     heads = ("where", "printed", "right", "number", "as printed", "right")
     return Table("Misprints of the paper", heads, rows, numeric=(4, 5))
 
 
-def maps(p):
+def map_axes(p):
     """(x, values, y, values) of the three maps: the SID corner beside the split, and factors on the loop."""
     split = np.geomspace(0.22, 2.9, 26) * p.split_hz
     sid = np.geomspace(0.14, 2.9, 26) * abs(p.split_hz)
@@ -209,15 +212,17 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
     from testbench.paper.loop import loop_pictures as draw
 
     p, a = study.parts, study.advice
-    pictures, shown = [], tables(study)
-    found = [advisor.stability_map(p, x, xs[::coarse], y, ys[::coarse], progress) for x, xs, y, ys in maps(p)]
-    here = {"sid_hz": p.sid_hz, "split_hz": p.split_hz, "crossover": 1.0, "zero": 1.0}
+    pictures, page_tables = [], tables(study)
+    stability_maps = [
+        advisor.stability_map(p, x, xs[::coarse], y, ys[::coarse], progress) for x, xs, y, ys in map_axes(p)
+    ]
+    operating_point = {"sid_hz": p.sid_hz, "split_hz": p.split_hz, "crossover": 1.0, "zero": 1.0}
     pictures.append(
         (
             "Three maps of the closed loop's largest value. Red: border of stability; star: this configuration. Left: "
             "the FTR gain follows the split, so that the crossover stays; too small a split or too fast a SID is "
             "unstable, because at the split the SID must lag by more than 90 deg.",
-            draw.maps(found, [(here[m.x], here[m.y]) for m in found]),
+            draw.draw_maps(stability_maps, [(operating_point[m.x], operating_point[m.y]) for m in stability_maps]),
         )
     )
     if a.stable:
@@ -250,17 +255,17 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
                 draw.rounding(study.config, p),
             ),
         ]
-        moved = sensitivity.rows(study.config, parameters, progress)
+        sensitivities = sensitivity.rows(study.config, parameters, progress)
         pictures.append(
             (
                 "Each column is an observable, each row one step of a parameter; colours are shares of the column's "
                 "largest change, which stands below its name.",
-                draw.influence(moved),
+                draw.influence(sensitivities),
             )
         )
-        shown += sensitivity_tables(moved)
+        page_tables += sensitivity_tables(sensitivities)
     y = equations.Mode(p.mass_kg, p.wy_rad_s, p.qy)
-    shown.append(misprint_table(y, p.w_rad_s, p.coriolis_mass_kg, p.ye1_rad))
+    page_tables.append(misprint_table(y, p.w_rad_s, p.coriolis_mass_kg, p.ye1_rad))
     path = folder / "loop.html"
-    report.write_html(path, "Loop advisor", shown, pictures, a.warnings or ("nothing to mind",))
+    report.write_html(path, "Loop advisor", page_tables, pictures, a.warnings or ("nothing to mind",))
     return path

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from testbench.console.report import BLUE, FONT, GREEN, GREY, VERMILION, axes_of, name_axes
+from testbench.console.report import BLUE, FONT, GREEN, GREY, VERMILION, make_axes, name_axes
 from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
 from testbench.paper.loop import loop as lp
 
@@ -28,11 +28,11 @@ def _distance(axis, x, ends, text, offset):
     axis.annotate(
         "", (x, ends[0]), (x, ends[1]), arrowprops={"arrowstyle": "<->", "color": GREEN, "linewidth": 1.8}, zorder=3
     )
-    place = {"textcoords": "offset points", "ha": "left" if offset[0] > 0 else "right", "va": "center"}
-    axis.annotate(text, (x, np.mean(ends)), offset, fontsize=FONT["small"], color=GREEN, **place)
+    text_style = {"textcoords": "offset points", "ha": "left" if offset[0] > 0 else "right", "va": "center"}
+    axis.annotate(text, (x, np.mean(ends)), offset, fontsize=FONT["small"], color=GREEN, **text_style)
 
 
-def _beside(p, reach_hz, count):
+def _split_frequencies(p, reach_hz, count):
     """Frequencies around the split, none below a tenth of it."""
     hz = abs(p.split_hz)
     return hz + np.linspace(max(-reach_hz, -0.9 * hz), reach_hz, count)
@@ -40,9 +40,9 @@ def _beside(p, reach_hz, count):
 
 def bode(p, advice):
     """Open loop L at the force word: magnitude and phase, with the margins at |L| = 1 and where L is negative."""
-    f = np.unique(np.concatenate([np.geomspace(0.3, min(1000, 0.4 / p.frame_s), 700), _beside(p, 6, 1201)]))
+    f = np.unique(np.concatenate([np.geomspace(0.3, min(1000, 0.4 / p.frame_s), 700), _split_frequencies(p, 6, 1201)]))
     values = lp.return_ratio(p, f)
-    figure, axes = axes_of("Open loop, broken at the force word", 7.5, 2, sharex=True)
+    figure, axes = make_axes("Open loop, broken at the force word", 7.5, 2, sharex=True)
     top, bottom = axes[:, 0]
     level_db, phase = 20 * np.log10(np.abs(values)), _lags(values)
     top.semilogx(f, level_db, color=BLUE, linewidth=1.6, label="|L|")
@@ -57,10 +57,10 @@ def bode(p, advice):
         bottom.plot(c.hz, at, "o", color=VERMILION, markersize=7, label="|L| = 1" if not k else None)
         top.plot(c.hz, 0, "o", color=VERMILION, markersize=7)
         margin = min(c.lag_deg, c.lead_deg)
-        near = at + (c.lead_deg if c.lead_deg < c.lag_deg else -c.lag_deg)
+        limit_deg = at + (c.lead_deg if c.lead_deg < c.lag_deg else -c.lag_deg)
         # the curve falls: left of it and below, right of it and above is place for a text
-        side = (-8, 0) if near < at else (8, 0)
-        _distance(bottom, c.hz, (at, near), f"phase margin {margin:.0f} deg\nat {c.hz:.1f} Hz", side)
+        side = (-8, 0) if limit_deg < at else (8, 0)
+        _distance(bottom, c.hz, (at, limit_deg), f"phase margin {margin:.0f} deg\nat {c.hz:.1f} Hz", side)
     if advice.gain_margin_up_db is not None:
         # the first frequency at which more gain would bring L to -1
         past = np.argmax(phase < -180)
@@ -76,25 +76,32 @@ def bode(p, advice):
 def closed(p, simulated=None, lines_hz=confirm.LINES_HZ):
     """Closed loop: word per rate, with the lines of a simulated multisine and their difference if there are any."""
     loop = lp.close(p)
-    dc = advisor.rest_gain(loop)
-    f = np.unique(np.concatenate([np.geomspace(0.5, 400, 500), _beside(p, 4, 401)]))
+    dc = advisor.dc_gain(loop)
+    f = np.unique(np.concatenate([np.geomspace(0.5, 400, 500), _split_frequencies(p, 4, 401)]))
     values = lp.response(loop, f) / dc
-    figure, axes = axes_of("Closed loop: recorded word per rate", 9.0, 3 if simulated is not None else 2)
+    figure, axes = make_axes("Closed loop: recorded word per rate", 9.0, 3 if simulated is not None else 2)
     top, middle = axes[0, 0], axes[1, 0]
     top.semilogx(f, 20 * np.log10(np.abs(values)), color=BLUE, linewidth=1.6, label="analysis")
     middle.semilogx(f, _lags(values), color=BLUE, linewidth=1.6, label="analysis")
     top.axhline(-3.01, color=GREY, linestyle=":", linewidth=1.2, label="-3 dB")
     if simulated is not None:
         lines = np.array(lines_hz, float)
-        seen = simulated / (dc * lp.DEG)
+        simulated_gain = simulated / (dc * lp.DEG)
         want = lp.response(loop, lines) / dc
-        top.plot(lines, 20 * np.log10(np.abs(seen)), "o", color=VERMILION, markersize=5, label="simulated, multisine")
-        middle.plot(lines, _lags(seen), "o", color=VERMILION, markersize=5, label="simulated, multisine")
-        ratio, under = seen / want, axes[2, 0]
-        under.semilogx(lines, 20 * np.log10(np.abs(ratio)), "o-", color=BLUE, label="magnitude (dB)")
-        under.semilogx(lines, np.degrees(np.angle(ratio)), "s--", color=VERMILION, label="phase (deg)")
-        under.set_xlim(top.get_xlim())
-        name_axes(under, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
+        top.plot(
+            lines,
+            20 * np.log10(np.abs(simulated_gain)),
+            "o",
+            color=VERMILION,
+            markersize=5,
+            label="simulated, multisine",
+        )
+        middle.plot(lines, _lags(simulated_gain), "o", color=VERMILION, markersize=5, label="simulated, multisine")
+        ratio, difference_axis = simulated_gain / want, axes[2, 0]
+        difference_axis.semilogx(lines, 20 * np.log10(np.abs(ratio)), "o-", color=BLUE, label="magnitude (dB)")
+        difference_axis.semilogx(lines, np.degrees(np.angle(ratio)), "s--", color=VERMILION, label="phase (deg)")
+        difference_axis.set_xlim(top.get_xlim())
+        name_axes(difference_axis, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
     name_axes(top, y="magnitude (dB)", legend="lower left")
     name_axes(middle, "frequency (Hz)" if simulated is None else "", "phase (deg)", "lower left")
     return figure
@@ -104,13 +111,13 @@ def step(p, simulated=None, width_hz=None, centre_hz=None):
     """Rate step: the word with and without a notch, and the ring enlarged; `simulated` is (time s, words per final)."""
     time_s, words = notch.step_words(p)
     effect = notch.effect(p, width_hz, centre_hz)
-    figure, axes = axes_of("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
+    figure, axes = make_axes("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
-            behind = notch.applied(notch.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words)
+            filtered = notch.applied(notch.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words)
             label = f"behind a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
-            axis.plot(time_s, behind, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
+            axis.plot(time_s, filtered, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
         if simulated is not None:
             axis.plot(*simulated, color=GREEN, linestyle=":", linewidth=1.6, label="simulated")
     axes[0, 0].set_xlim(-0.01, 0.4)
@@ -123,17 +130,17 @@ def step(p, simulated=None, width_hz=None, centre_hz=None):
 
 def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
     """Closed loop over both phase errors of the sense path: bandwidth, and response against the one without."""
-    figure, axes = axes_of("Both phase errors of the sense path", 8.0, 2)
+    figure, axes = make_axes("Both phase errors of the sense path", 8.0, 2)
     f = np.geomspace(1, 100, 200)
     base = None
     for colour, ye1 in zip((BLUE, GREY, VERMILION), ye1_deg):
         for style, ye2 in zip(("--", "-", ":"), ye2_deg):
             q = advisor.turned(p, ye1, ye2)
             loop = lp.close(q)
-            values = lp.response(loop, f) / advisor.rest_gain(loop)
+            values = lp.response(loop, f) / advisor.dc_gain(loop)
             if base is None:
                 zero = lp.close(advisor.turned(p, 0.0, 0.0))
-                base = lp.response(zero, f) / advisor.rest_gain(zero)
+                base = lp.response(zero, f) / advisor.dc_gain(zero)
             edge = advisor.bandwidth(loop)[0]
             label = f"ye1 {ye1:+d}, ye2' {ye2:+d} deg: {edge:.2f} Hz"
             axes[0, 0].semilogx(f, 20 * np.log10(np.abs(values / base)), colour, linestyle=style, label=label)
@@ -144,11 +151,11 @@ def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
     return figure
 
 
-def on_log_plane(axis, here):
+def on_log_plane(axis, operating_point):
     """A map over two logarithmic rulers, grey where it has no value, with a star at the point `here`."""
     axis.grid(False)
     axis.set_facecolor(UNSTABLE)
-    axis.plot(*here, markersize=16, **STAR)
+    axis.plot(*operating_point, markersize=16, **STAR)
     axis.set_xscale("log")
     axis.set_yscale("log")
     for ruler in (axis.xaxis, axis.yaxis):
@@ -157,12 +164,14 @@ def on_log_plane(axis, here):
         ruler.set_minor_formatter(NullFormatter())
 
 
-def maps(found, here):
+def draw_maps(stability_maps, operating_points):
     """Stability maps side by side; `here` is (x, y) of the configuration in each."""
-    figure, axes = axes_of("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(found))
-    for axis, m, point in zip(axes[0], found, here):
-        shown = np.where(np.isfinite(m.peak_db), np.clip(m.peak_db, -1, 12), np.nan)
-        mesh = axis.pcolormesh(m.x_values, m.y_values, shown, cmap="viridis_r", vmin=-1, vmax=12, shading="nearest")
+    figure, axes = make_axes("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(stability_maps))
+    for axis, m, point in zip(axes[0], stability_maps, operating_points):
+        clipped_db = np.where(np.isfinite(m.peak_db), np.clip(m.peak_db, -1, 12), np.nan)
+        mesh = axis.pcolormesh(
+            m.x_values, m.y_values, clipped_db, cmap="viridis_r", vmin=-1, vmax=12, shading="nearest"
+        )
         edge = np.where(np.isfinite(m.peak_db), 0.0, 1.0)
         if 0 < edge.mean() < 1:
             axis.contour(m.x_values, m.y_values, edge, levels=[0.5], colors=[VERMILION], linewidths=2)
@@ -180,7 +189,7 @@ def maps(found, here):
 
 def rounding(config, p):
     """Force of a rounded sine, and the quantised loops at rest without noise: this converter, and one of step 1."""
-    figure, axes = axes_of("Rounding without noise", 7.5, 2)
+    figure, axes = make_axes("Rounding without noise", 7.5, 2)
     codes = np.linspace(0.01, 64, 1200) / 16
     force = np.array([limit_cycles.force_amplitude(c, 1) for c in codes])
     axes[0, 0].plot(codes, force, color=BLUE, label="in-phase force of rounded codes")
@@ -201,7 +210,7 @@ def influence(table):
     values = np.where(np.abs(values) >= np.array(list(sensitivity.RESOLUTION.values())), values, 0.0)
     largest = np.max(np.abs(values), axis=0)
     shares = values / np.where(largest > 0, largest, 1.0)
-    figure, axes = axes_of("What moves what: change for one step, by the largest of its column", 14.0)
+    figure, axes = make_axes("What moves what: change for one step, by the largest of its column", 14.0)
     axis = axes[0, 0]
     axis.grid(False)
     image = axis.imshow(shares, cmap="PuOr", norm=SymLogNorm(1e-3, vmin=-1, vmax=1), aspect="auto")

@@ -18,7 +18,7 @@ from fpga_model import notch as firmware
 from fpga_model.design_record import DEFAULT
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import Parts
+from testbench.paper.loop.loop_parameters import LoopParameters
 
 WIDTH_HZ = 20.0  # of a notch that nobody has chosen, at most half its centre
 AFTER_S = 0.2  # by then a step's own response is over, the ring is not
@@ -50,26 +50,26 @@ def applied(notch: Filter, words):
     return words[0] + lfilter(notch.b, notch.a, words - words[0])
 
 
-def step_words(p: Parts, seconds=1.0, before_s=0.01):
+def step_words(p: LoopParameters, seconds=1.0, before_s=0.01):
     """(time from the step s, words per final word) of a rate step from rest."""
     loop = lp.close(p)
     time_s = np.arange(round(-before_s / p.frame_s), round(seconds / p.frame_s)) * p.frame_s
     inputs = np.zeros((len(time_s), 4))
     inputs[time_s >= 0, lp.RATE] = 1.0
-    return time_s, lp.play(loop, inputs)[0] / advisor.rest_gain(loop)
+    return time_s, lp.simulate_words(loop, inputs)[0] / advisor.dc_gain(loop)
 
 
 def ring_share(time_s, words, final=1.0, after_s=AFTER_S, before_s=np.inf):
     """Largest swing about the slow rest, from `after_s` to `before_s` after the step, as a share of the step."""
-    late = (time_s >= after_s) & (time_s < before_s)
-    tail = np.asarray(words)[late] / final
+    window = (time_s >= after_s) & (time_s < before_s)
+    tail = np.asarray(words)[window] / final
     span = round(1 / 50 / (time_s[1] - time_s[0]))
     slow = np.convolve(tail, np.ones(span) / span, "valid")
     middle = tail[span // 2 : span // 2 + len(slow)]
     return float(np.max(np.abs(middle - slow)))
 
 
-def inside(p: Parts, notch: Filter):
+def close_with_notch(p: LoopParameters, notch: Filter):
     """`Loop` with the notch in front of the PI of the rate, where the firmware does not have it."""
     fr, k = lp.frame(p), lp.gains(p)
     a, b, codes, codes_b = lp.assemble(fr, k)
@@ -104,23 +104,23 @@ class Effect(NamedTuple):
     left_db: dict  # ring frequency off by so many Hz -> what is left of it (dB)
 
 
-def effect(p: Parts, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5, 10)):
+def effect(p: LoopParameters, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5, 10)):
     """`Effect` of a notch at `centre_hz`, or at the ring of these parts; None if they do not ring or are unstable.
 
     width_hz  of the notch; 20 Hz, or half the centre where that is less
     """
     loop = lp.close(p)
-    ring = advisor.ring(loop, p.split_hz)
+    ring = advisor.ring_pole(loop, p.split_hz)
     if ring is None or lp.radius(loop) >= 1:
         return None
     centre_hz = centre_hz or ring.hz
     width_hz = width_hz or min(WIDTH_HZ, centre_hz / 2)
     notch = design(centre_hz, width_hz, 1 / p.frame_s)
     time_s, words = step_words(p)
-    dc = abs(advisor.rest_gain(loop))
+    dc = abs(advisor.dc_gain(loop))
     grid = np.linspace(1.0, 100.0, 2000)
     level = np.abs(lp.response(loop, grid) * gain(notch, grid)) / dc
-    below = np.flatnonzero(level < math.sqrt(0.5))
+    past_edge = np.flatnonzero(level < math.sqrt(0.5))
     slow = 1.0
     return Effect(
         centre_hz,
@@ -128,7 +128,7 @@ def effect(p: Parts, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5, 10)):
         ring_share(time_s, words),
         ring_share(time_s, applied(notch, words)),
         advisor.bandwidth(loop)[0],
-        float(grid[below[0]]) if len(below) else math.nan,
+        float(grid[past_edge[0]]) if len(past_edge) else math.nan,
         float(-np.angle(gain(notch, slow)[0]) / (2 * math.pi * slow) * 1e3),
         {off: float(20 * np.log10(np.abs(gain(notch, ring.hz + off)[0]) + 1e-5)) for off in off_hz},
     )

@@ -9,12 +9,12 @@ import numpy as np
 
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as loops
-from testbench.paper.loop import parts as loop_parts
+from testbench.paper.loop import loop_parameters as loop_parts
 
 
 def turned(config, ye1_deg=0.0, ye2_deg=0.0):
     """Loop parts of a configuration with the sense phases at these angles."""
-    return advisor.turned(loop_parts.parts(config), ye1_deg, ye2_deg)
+    return advisor.turned(loop_parts.loop_parameters(config), ye1_deg, ye2_deg)
 
 
 def sense_grid(config, ye1_deg=(-9.0, -4.5, 0.0, 4.5, 9.0), ye2_deg=(-6.0, 0.0, 6.0)):
@@ -23,8 +23,8 @@ def sense_grid(config, ye1_deg=(-9.0, -4.5, 0.0, 4.5, 9.0), ye2_deg=(-6.0, 0.0, 
     for b in ye2_deg:
         for a in ye1_deg:
             closed = loops.close(turned(config, a, b))
-            rest, at = loops.response(closed, np.array([0.01, 10.0]))
-            rows.append((a, b, advisor.bandwidth(closed)[0], math.degrees(np.angle(np.sign(rest.real) * at))))
+            slow_response, at = loops.response(closed, np.array([0.01, 10.0]))
+            rows.append((a, b, advisor.bandwidth(closed)[0], math.degrees(np.angle(np.sign(slow_response.real) * at))))
     return rows
 
 

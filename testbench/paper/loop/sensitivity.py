@@ -17,7 +17,7 @@ import numpy as np
 from testbench.config import changed
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import Parts, parts
+from testbench.paper.loop.loop_parameters import LoopParameters, loop_parameters
 from testbench.run.budget import budget
 
 ARW_HZ = 0.3
@@ -97,16 +97,16 @@ PARAMETERS = (
 )
 
 
-def null_v(p: Parts):
+def null_v(p: LoopParameters):
     """V_q (V) that cancels k_xy at rate 0."""
     return p.quad_span_v * math.sqrt(max(p.kxy_n_per_m, 0.0) / p.u_full_n_per_m)
 
 
-def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
+def density_dps(p: LoopParameters, loop=None, f_hz=ARW_HZ):
     """One-sided density (deg/s/rtHz) of the rate at `f_hz` by source; rounding of both converters as white noise."""
     loop = loop or lp.close(p)
-    lsb = advisor.rest_gain(loop) * lp.DEG
-    behind_sid = math.hypot(*(abs(lp.response(loop, f_hz, c)[0]) for c in (lp.OFFSET_SIN, lp.OFFSET_COS))) / lsb
+    lsb = advisor.dc_gain(loop) * lp.DEG
+    sid_dps_per_v = math.hypot(*(abs(lp.response(loop, f_hz, c)[0]) for c in (lp.OFFSET_SIN, lp.OFFSET_COS))) / lsb
     per_frame = math.sqrt(2 * p.frame_s)
     # a tone's in-phase amplitude has twice the density of the voltage around it
     force_v = math.sqrt(2) / (p.volts_per_word * lsb)
@@ -116,9 +116,9 @@ def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
     code_n_per_m = 2 * p.u_full_n_per_m / p.quad_span_v**2 * null_v(p) * p.v_q_lsb_v
     return {
         # the sign of the reference leaves the density as it is; the difference of the two halves doubles the voltage
-        "cv": behind_sid * 2 * p.cv_noise_v_per_rthz,
-        "adc": behind_sid * p.adc_noise_v * per_frame,
-        "adc_rounding": behind_sid * step_v / math.sqrt(12) * per_frame,
+        "cv": sid_dps_per_v * 2 * p.cv_noise_v_per_rthz,
+        "adc": sid_dps_per_v * p.adc_noise_v * per_frame,
+        "adc_rounding": sid_dps_per_v * step_v / math.sqrt(12) * per_frame,
         "dac": force_v * p.dac_noise_v_per_rthz,
         "dac_rounding": force_v * p.dac_lsb_v / math.sqrt(12) * math.sqrt(2 / p.tick_hz),
         "v_q_rounding": float(by_stiffness) * code_n_per_m / math.sqrt(12) * per_frame,
@@ -126,14 +126,14 @@ def density_dps(p: Parts, loop=None, f_hz=ARW_HZ):
     }
 
 
-def arw_deg_per_rth(p: Parts, loop=None):
+def arw_deg_per_rth(p: LoopParameters, loop=None):
     """Angle random walk: 60/sqrt(2) times the density of all sources together."""
     return 60 / math.sqrt(2) * math.hypot(*density_dps(p, loop).values())
 
 
-def observe(config, p: Parts | None = None):
+def observe(config, p: LoopParameters | None = None):
     """All observables of a configuration, in the units of `OBSERVABLES`; scale factor in LSB per deg/s."""
-    p = p or parts(config)
+    p = p or loop_parameters(config)
     a = advisor.analyse(p)
     phases = budget(config, frequency_hz=p.w_rad_s / (2 * math.pi))
     node, loop = phases.node_deg(), phases.loop_deg()
@@ -158,13 +158,13 @@ def move_parameter(config, parameter: Parameter, sign):
     """(configuration, parts, distance moved in the parameter's own unit) for one step up or down."""
     section, key = parameter.name.split(".")
     if section == "parts":
-        p = parts(config)
+        p = loop_parameters(config)
         step = getattr(p, key) * parameter.step * sign
         return config, p._replace(**{key: getattr(p, key) + step}), step
     value = getattr(getattr(config, section), key)
     step = (value * parameter.step if parameter.share else parameter.step) * sign
     after = changed(config, {parameter.name: value + step if isinstance(value, float) else int(value + step)})
-    return after, parts(after), step
+    return after, loop_parameters(after), step
 
 
 class Row(NamedTuple):
@@ -191,8 +191,8 @@ def rows(config, parameters=PARAMETERS, progress=None):
         else:
             down, p_down, h_down = move_parameter(config, parameter, -1)
             low, h = observe(down, p_down), h_up - h_down
-        whole = {name: _difference(name, high[name], low[name], base["scale_factor"]) for name in OBSERVABLES}
-        derivative = {name: value / h for name, value in whole.items()}
+        differences = {name: _difference(name, high[name], low[name], base["scale_factor"]) for name in OBSERVABLES}
+        derivative = {name: value / h for name, value in differences.items()}
         out.append(Row(parameter, {name: value * h_up for name, value in derivative.items()}, derivative))
         if progress:
             progress("sensitivity", n + 1, len(parameters))
@@ -201,8 +201,8 @@ def rows(config, parameters=PARAMETERS, progress=None):
 
 def ranking(table, observable):
     """Rows that move an observable, strongest first."""
-    known = [row for row in table if abs(row.change[observable]) >= RESOLUTION[observable]]
-    return sorted(known, key=lambda row: -abs(row.change[observable]))
+    significant = [row for row in table if abs(row.change[observable]) >= RESOLUTION[observable]]
+    return sorted(significant, key=lambda row: -abs(row.change[observable]))
 
 
 def matrix(table):

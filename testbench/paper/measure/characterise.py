@@ -28,20 +28,20 @@ CURVES = ("scale_residual_ppm", "scale_words", "quadrature_v_of_rate", "tau_s", 
           "response_hz", "response_db", "response_deg", "swept_hz", "swept_db", "swept_deg")  # fmt: skip
 
 
-def at_rest(bench, seconds):
+def record_zero_rate(bench, seconds):
     """Rate words of a record at rest, averaged over 10 ms, and {column: means of its pieces}."""
     words, means = [], {name: [] for name in ("quadrature_code", "frequency_word", "amplitude_word")}
-    left = seconds
-    while left > 1e-9:
-        rows = bench.record(min(PIECE_S, left))
+    remaining_s = seconds
+    while remaining_s > 1e-9:
+        rows = bench.record(min(PIECE_S, remaining_s))
         words.append(measure_allan.averaged(rows["rate_word"].astype(float)))
         for name, values in means.items():
             values.append(rows.mean(name))
-        left -= PIECE_S
+        remaining_s -= PIECE_S
     return np.concatenate(words), means
 
 
-def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
+def characterise(config, say=None, engine=None, zero_rate_s=None, temp_degc=None):
     """{name: number, text or list} of one board as it is configured, at the scenario's first temperature.
 
     engine  name of an engine instead of that of the configuration
@@ -49,27 +49,27 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
     if temp_degc is None:
         first = config.scenario.temperature_degc
         temp_degc = float(first if isinstance(first, (int, float)) else first[0][1])
-    rest_s = config.scenario.seconds if rest_s is None else rest_s
+    zero_rate_s = config.scenario.seconds if zero_rate_s is None else zero_rate_s
 
-    def told(text):
+    def report_stage(text):
         if say:
             say(text)
 
-    told("start-up")
+    report_stage("start-up")
     bench = Bench(config, 0.0, temp_degc, engine)
     bench.settle(WARM_S)
-    told("22 rates")
+    report_stage("22 rates")
     words, codes, flags = measure_scale.sweep(bench)
     scale = measure_scale.fit(measure_scale.rates_dps(bench), words)
-    told("multisine and sweep")
+    report_stage("multisine and sweep")
     lines = measure_bandwidth.multisine(bench, scale.lsb_per_dps)
     bench.settle(SETTLE_S)
     swept = measure_bandwidth.swept(bench, scale.lsb_per_dps)
     bench.settle(SETTLE_S)
-    told(f"{rest_s:g} s at rest")
-    rest, pieces = at_rest(bench, rest_s)
+    report_stage(f"{zero_rate_s:g} s at rest")
+    zero_rate_words, pieces = record_zero_rate(bench, zero_rate_s)
     means = {name: float(np.mean(values)) for name, values in pieces.items()}
-    rate = rest / scale.lsb_per_dps
+    rate = zero_rate_words / scale.lsb_per_dps
     base_s = measure_allan.BASE_FRAMES * bench.frame_s
     out = {
         "locked": int(bench.locked),
@@ -97,7 +97,7 @@ def characterise(config, say=None, engine=None, rest_s=None, temp_degc=None):
         "swept_db": list(swept.gain_db),
         "swept_deg": list(swept.phase_deg),
     }
-    if rest_s >= 10.0:
+    if zero_rate_s >= 10.0:
         allan = measure_allan.analyse(rate, base_s)
         out |= {
             "arw_deg_per_rt_h": allan.arw_deg_per_rt_h,
@@ -147,26 +147,26 @@ def sigmas(bench, scale, lines, rate_dps, base_s, arw_deg_per_rt_h):
     return out
 
 
-def flat(found):
+def flatten_curves(results):
     """Numbers as they are, curves as one text each: what a campaign keeps."""
-    return {name: json.dumps(value) if isinstance(value, list) else value for name, value in found.items()}
+    return {name: json.dumps(value) if isinstance(value, list) else value for name, value in results.items()}
 
 
-def unflat(kept):
+def restore_curves(flat_results):
     """The inverse of `flat`."""
-    out = dict(kept)
+    out = dict(flat_results)
     for name in CURVES:
         if isinstance(out.get(name), str) and out[name]:
             out[name] = json.loads(out[name])
     return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in out.items()}
 
 
-def play(configs, sinks):
+def characterise_points(configs, sinks):
     """As `campaign.engines` says, one point to a call; no 8 kHz rows are kept."""
-    return [flat(characterise(config, engine=engine_of(config))) for config in configs]
+    return [flatten_curves(characterise(config, engine=choose_engine(config))) for config in configs]
 
 
-def engine_of(config):
+def choose_engine(config):
     """The engine for hours, unless the configuration asks for the clocked one or for what only the others can do."""
     plain = config.firmware.adc_clock == "synchronous" and type(config.effects)() == config.effects
     if config.scenario.engine == "clocked" or not plain:
@@ -186,5 +186,8 @@ def _compile():
 
 
 POINTS = Engine(
-    play, 1, ("testbench.paper.measure.characterise", "testbench.run.simulate", "testbench.engines.baseband"), _compile
+    characterise_points,
+    1,
+    ("testbench.paper.measure.characterise", "testbench.run.simulate", "testbench.engines.baseband"),
+    _compile,
 )

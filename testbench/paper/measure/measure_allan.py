@@ -88,5 +88,5 @@ def analyse(rate_dps, base_s):
 
 def averaged(words, frames=BASE_FRAMES):
     """Means of `frames` rows each; the rest is dropped."""
-    whole = len(words) // frames * frames
-    return words[:whole].reshape(-1, frames).mean(axis=1)
+    length = len(words) // frames * frames
+    return words[:length].reshape(-1, frames).mean(axis=1)

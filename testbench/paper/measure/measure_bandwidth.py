@@ -58,7 +58,7 @@ def lines_hz(slower=1):
     return np.array(LINES_HZ) / slower
 
 
-def _response(f, h, lsb_per_dps):
+def _scaled_response(f, h, lsb_per_dps):
     h = h / lsb_per_dps
     gain = 20 * np.log10(np.abs(h))
     phase = np.degrees(np.unwrap(np.angle(h)))
@@ -69,15 +69,15 @@ def multisine(bench, lsb_per_dps):
     """`Response` from the multisine; gains are relative to `lsb_per_dps`."""
     slower, frame_s = bench.slower, bench.frame_s
     lead, frames = slower * round(LEAD_S / frame_s), slower * round(LINES_S / frame_s)
-    played = bench.part * multisine_dps(lead + frames + 2, frame_s, 0, slower)
-    rows = bench.record(slower * (LEAD_S + LINES_S), played)
+    profile_dps = bench.part * multisine_dps(lead + frames + 2, frame_s, 0, slower)
+    rows = bench.record(slower * (LEAD_S + LINES_S), profile_dps)
     words = rows["rate_word"][lead : lead + frames].astype(float)
     # rows of a segment begin with the first frame that begins in it
     k = lead + np.arange(frames)
     f = lines_hz(slower)
     word = np.exp(-2j * np.pi * np.outer(f, k * frame_s)) @ (words - words.mean())
     rate = np.exp(-2j * np.pi * np.outer(f, (k + 0.5) * frame_s)) @ multisine_dps(frames, frame_s, lead, slower)
-    return _response(f, word / (bench.part * rate), lsb_per_dps)
+    return _scaled_response(f, word / (bench.part * rate), lsb_per_dps)
 
 
 def swept(bench, lsb_per_dps):
@@ -99,4 +99,4 @@ def swept(bench, lsb_per_dps):
     window = np.ones(width) / width
     h = np.convolve(cross, window, "same") / np.convolve(np.abs(x) ** 2, window, "same")
     centre = np.flatnonzero((f >= 2.0 / slower) & (f <= 60.0 / slower))[:: max(1, width // 2)]
-    return _response(f[centre], h[centre], lsb_per_dps)
+    return _scaled_response(f[centre], h[centre], lsb_per_dps)

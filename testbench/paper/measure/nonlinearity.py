@@ -20,7 +20,7 @@ import numpy as np
 
 from testbench.paper.calibration.bench import Bench
 from testbench.paper.measure import measure_scale
-from testbench.paper.measure.characterise import WARM_S, engine_of
+from testbench.paper.measure.characterise import WARM_S, choose_engine
 
 RAILED_PART = 2e-3  # of the ceiling: closer to a rail V_q is taken to be at it
 
@@ -37,7 +37,7 @@ class Explained(NamedTuple):
 
 def read(config):
     """{"nonlinearity_ppm", "asymmetry_ppm", "rates_dps", "scale_words", "quadrature_v_of_rate"} of the 22 rates."""
-    bench = Bench(config, engine=engine_of(config))
+    bench = Bench(config, engine=choose_engine(config))
     bench.settle(WARM_S)
     words, codes, _ = measure_scale.sweep(bench)
     rates = measure_scale.rates_dps(bench)
@@ -66,12 +66,12 @@ def rail_words(rates, knees, turn_deg, leak_deg):
     read = np.array(rates, float)
     bent = 1 - math.tan(math.radians(turn_deg)) * math.tan(math.radians(leak_deg))
     for knee in knees:
-        beyond = (np.asarray(rates) - knee) * knee > 0  # of nan: none
-        read[beyond] = knee + (read[beyond] - knee) / bent
+        railed = (np.asarray(rates) - knee) * knee > 0  # of nan: none
+        read[railed] = knee + (read[railed] - knee) / bent
     return read
 
 
-def explained(rates, words, v_q, ceiling_v, phases_deg):
+def explain_nonlinearity(rates, words, v_q, ceiling_v, phases_deg):
     """`Explained` of 22 mean words and V_q; `phases_deg` what is left of xe2, ye1 and ye2."""
     rates, words = np.asarray(rates), np.asarray(words)
     knees, inside = knees_dps(rates, v_q, ceiling_v), between(v_q, ceiling_v)

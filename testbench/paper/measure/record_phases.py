@@ -12,7 +12,7 @@ Source    docs/paper.md
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.calibration.calibrate import NODES, chop, detune, force_interval, interval
-from testbench.paper.measure.characterise import engine_of
+from testbench.paper.measure.characterise import choose_engine
 
 WARM_UP_S, RECORD_S = 1800.0, 7200.0
 SELF_HEATING_K = 5.0  # A: the paper's board is warm after 1800 s
@@ -23,7 +23,7 @@ def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12)
     values = {f"firmware.{name}_deg": value for name, value in phases_deg.items()}
     values |= {"plant.self_heating_k": SELF_HEATING_K}
     config = configuration.changed(base, values)
-    bench = Bench(config, engine=engine_of(config))
+    bench = Bench(config, engine=choose_engine(config))
     rows = []
     for k in range(readings + 1):
         until = warm_up_s + seconds * k / readings
@@ -39,7 +39,7 @@ def record(base, phases_deg, seconds=RECORD_S, warm_up_s=WARM_UP_S, readings=12)
     return rows
 
 
-def spread(rows):
+def reading_spread(rows):
     """{node: (mean, standard deviation, largest excursion)} of a record (deg)."""
     out = {}
     for node in NODES:

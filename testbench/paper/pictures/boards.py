@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from testbench.console.figure_files import Picture
-from testbench.console.report import GREEN, GREY, SKY, VERMILION, axes_of, name_axes
+from testbench.console.report import GREEN, GREY, SKY, VERMILION, make_axes, name_axes
 from testbench.paper.calibration.calibrate import NODES
 from testbench.paper.pictures import draw
 
@@ -18,12 +18,14 @@ def noise_shares(noise, seconds):
 
     The fit's first point has 0.3 s: its variance is known to sqrt(2 * 0.3 / T), the deviation to half of that.
     """
-    figure, axes = axes_of("Noise: share of each source in the angle random walk", 5.8, 1, 2, sharey=True)
+    figure, axes = make_axes("Noise: share of each source in the angle random walk", 5.8, 1, 2, sharey=True)
     for axis, word in zip(axes[0], ("only", "without")):
         names = [name for name in noise if name.startswith(word)]
         values = np.array([noise[name]["arw_deg_per_rt_h"] for name in names])
         sigma = values * np.array([math.sqrt(0.6 / seconds[name]) / 2 for name in names])
-        draw.marked(axis, range(len(names)), values, sigma, "this source only, or without it; 1 sigma", markersize=7)
+        draw.draw_marks(
+            axis, range(len(names)), values, sigma, "this source only, or without it; 1 sigma", markersize=7
+        )
         axis.axhline(noise["all"]["arw_deg_per_rt_h"], color=VERMILION, linestyle="--", label="all on")
         axis.axhline(noise["none"]["arw_deg_per_rt_h"], color=GREY, linestyle=":", label="all off")
         axis.set_ylim(bottom=0.0)
@@ -35,11 +37,11 @@ def noise_shares(noise, seconds):
 
 def residuals(boards):
     """Truth after calibration, with the procedure's own uncertainty, board by board."""
-    figure, axes = axes_of("Random boards: what the calibration leaves, and what it says about that", 8.4, 2, 2)
+    figure, axes = make_axes("Random boards: what the calibration leaves, and what it says about that", 8.4, 2, 2)
     for axis, node in zip(axes.ravel(), NODES):
         y = [1e3 * b["residual_deg"][node] for b in boards]
         u = [1e3 * b["uncertainty_deg"][node] for b in boards]
-        draw.marked(axis, np.arange(len(boards)), y, u, "truth, uncertainty at 99 %", ecolor=SKY)
+        draw.draw_marks(axis, np.arange(len(boards)), y, u, "truth, uncertainty at 99 %", ecolor=SKY)
         axis.axhspan(-2, 2, color=GREEN, alpha=0.12, label="target, 2 mdeg")
         axis.axhline(0, color=GREY, linewidth=1)
         axis.xaxis.get_major_locator().set_params(integer=True)
@@ -53,13 +55,13 @@ def residuals(boards):
     )
 
 
-def over_temperature(temps_degc, phases, start):
+def phase_drift(temps_degc, phases, start):
     """Phases over temperature from the parts' laws; `phases` and `start`, at 25 degC, of `temperature.phases`."""
-    figure, axes = axes_of("Phases over temperature, from the parts' laws (analysis, no statistics)", 6.4, 1, 1)
+    figure, axes = make_axes("Phases over temperature, from the parts' laws (analysis, no statistics)", 6.4, 1, 1)
     axis = axes[0, 0]
     for k, node in enumerate(NODES):
         label = f"{draw.NODE_TEXT[node]}: {start[node][0]:.3f} deg at 25 degC"
-        axis.plot(temps_degc, 1e3 * (np.array(phases[node]) - start[node][0]), label=label, **draw.of_case(k + 1))
+        axis.plot(temps_degc, 1e3 * (np.array(phases[node]) - start[node][0]), label=label, **draw.case_style(k + 1))
     axis.axhspan(-12, 12, color=GREEN, alpha=0.12, label="the paper's level, 12 mdeg")
     name_axes(axis, "temperature (degC)", "phase less that at 25 degC (mdeg)")
     draw.legend(figure)

@@ -18,15 +18,15 @@ NODE_TEXT = {"xe1": "xe1", "xe2": "xe2'", "ye1": "ye1", "ye2": "ye2'"}
 MODEL, FORMULA = "simulated, 1 sigma", "formula"
 
 
-def of_case(case):
+def case_style(case):
     """Colour, mark and line style of a case "1" .. "5"."""
     k = (int(case) - 1) % len(MARKS)
     return {"color": COLOURS[k], "marker": MARKS[k], "linestyle": LINES[k]}
 
 
-def marked(axis, x, y, sigma, label, beside=0.0, **style):
+def draw_marks(axis, x, y, sigma, label, shift_pt=0.0, **style):
     """Marks with error bars, `beside` typographic points from their place; a sigma that is None or nan has no bar."""
-    transform = axis.transData + ScaledTranslation(beside / 72, 0, axis.figure.dpi_scale_trans)
+    transform = axis.transData + ScaledTranslation(shift_pt / 72, 0, axis.figure.dpi_scale_trans)
     bars = np.array([np.nan if s is None else s for s in sigma], float)
     style = {
         "color": BLUE,
@@ -44,20 +44,20 @@ def marked(axis, x, y, sigma, label, beside=0.0, **style):
         axis.autoscale_view()
 
 
-def beside_pt(number, count):
+def mark_shift_pt(number, count):
     """Typographic points that mark `number` of `count` stands beside its place."""
     return APART_PT * (number - (count - 1) / 2)
 
 
 def legend(figure):
     """One legend below all panels, each name once, in as many columns as there is room for."""
-    named = {}
+    handles = {}
     for axis in figure.axes:
         for handle, text in zip(*axis.get_legend_handles_labels()):
-            named.setdefault(text, handle)
-    wide = HANDLE_PX + LETTER_PX * max(map(len, named), default=0)
-    columns = max(1, min(len(named), int(WIDTH_IN * DPI / wide)))
+            handles.setdefault(text, handle)
+    wide = HANDLE_PX + LETTER_PX * max(map(len, handles), default=0)
+    columns = max(1, min(len(handles), int(WIDTH_IN * DPI / wide)))
     figure.legend(
-        named.values(), named.keys(), loc="outside lower center", ncols=columns,
+        handles.values(), handles.keys(), loc="outside lower center", ncols=columns,
         fontsize=FONT["small"], frameon=False,
     )  # fmt: skip

@@ -7,7 +7,7 @@ Source    docs/paper.md
 import numpy as np
 
 from testbench.console.figure_files import Picture
-from testbench.console.report import FONT, VERMILION, axes_of, name_axes
+from testbench.console.report import FONT, VERMILION, make_axes, name_axes
 from testbench.paper.pictures import draw
 
 
@@ -19,7 +19,7 @@ def drive_errors(rows, config):
     device = config.device()
     angle = np.array([row["deg"]["xe1"] + row["deg"]["xe2"] for row in rows])
     first = rows[0]["deg"]
-    figure, axes = axes_of(
+    figure, axes = make_axes(
         f"Fig. 2 b, c  Drive phase error at -30 deg/s, ye1 = {first['ye1']:.0f} deg, ye2 = {first['ye2']:.0f} deg",
         8.0,
         2,
@@ -43,7 +43,7 @@ def drive_errors(rows, config):
         if curve is not None:
             axis.plot(fine, curve, color=VERMILION, linestyle="--", label=draw.FORMULA)
             axis.set_title(formula, fontsize=FONT["small"], loc="right")
-        draw.marked(axis, angle, values, bars, draw.MODEL)
+        draw.draw_marks(axis, angle, values, bars, draw.MODEL)
         name_axes(axis, "xe1 + xe2' (deg)", name)
     draw.legend(figure)
     return Picture(
@@ -61,20 +61,20 @@ def phase_record(records, nodes, number):
 
     records  {case: rows of `record_phases.record`}
     """
-    figure, axes = axes_of(f"Fig. {number}  Phases over two hours after warm-up, less their mean", 5.6, 1, 2)
+    figure, axes = make_axes(f"Fig. {number}  Phases over two hours after warm-up, less their mean", 5.6, 1, 2)
     for axis, node in zip(axes[0], nodes):
         for k, (case, rows) in enumerate(sorted(records.items())):
             t = np.array([r["time_s"] for r in rows]) / 60
             y = np.array([r[node] for r in rows])
             scatter = [1e3 * y.std(ddof=1)] * len(y)
-            style = draw.of_case(case) | {"linestyle": "none"}
-            draw.marked(
+            style = draw.case_style(case) | {"linestyle": "none"}
+            draw.draw_marks(
                 axis,
                 t,
                 1e3 * (y - y.mean()),
                 scatter,
                 f"case {case}, 1 sigma",
-                draw.beside_pt(k, len(records)),
+                draw.mark_shift_pt(k, len(records)),
                 **style,
             )
         truth = np.array([r["truth"][node] for r in records[max(records)]])

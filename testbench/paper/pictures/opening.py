@@ -4,7 +4,7 @@ Source    docs/paper.md, docs/phases.md
 """
 
 from testbench.console.figure_files import Picture
-from testbench.console.report import BLUE, FONT, GREEN, GREY, ORANGE, VERMILION, axes_of, name_axes
+from testbench.console.report import BLUE, FONT, GREEN, GREY, ORANGE, VERMILION, make_axes, name_axes
 from testbench.paper.pictures import draw
 
 # steps of the waterfall: rows of the budget by the words that they begin with
@@ -31,7 +31,7 @@ QUANTITIES = (
 )
 
 
-def steps_of(rows):
+def waterfall_steps(rows):
     """{step: (deg, assumed)} of the rows of one phase, without steps of 0; `assumed` if any of its rows is."""
     out = {}
     for row in rows:
@@ -47,14 +47,14 @@ def waterfall(planned, printed):
     planned  `budget.Budget`
     printed  {node: (deg, sigma)} of the paper, or {}
     """
-    figure, axes = axes_of("Phase budget: what each of the four phases is made of", 9.0, 2, 2)
+    figure, axes = make_axes("Phase budget: what each of the four phases is made of", 9.0, 2, 2)
     for axis, (node, rows) in zip(axes.ravel(), planned.rows.items()):
-        steps, start = steps_of(rows), 0.0
-        for place, (deg, assumed) in enumerate(steps.values()):
+        steps, start = waterfall_steps(rows), 0.0
+        for position, (deg, assumed) in enumerate(steps.values()):
             text = "an assumption, or fitted, is in it" if assumed else "follows from the design"
-            axis.bar(place, deg, 0.7, start, color=ORANGE if assumed else BLUE, label=text,
+            axis.bar(position, deg, 0.7, start, color=ORANGE if assumed else BLUE, label=text,
                      hatch="//" if assumed else "", edgecolor="white")  # fmt: skip
-            axis.annotate(f"{deg:+.2f}", (place, max(start, start + deg)), (0, 3), textcoords="offset points",
+            axis.annotate(f"{deg:+.2f}", (position, max(start, start + deg)), (0, 3), textcoords="offset points",
                           ha="center", fontsize=FONT["small"])  # fmt: skip
             start += deg
         names = [*steps, "sum"]
@@ -64,7 +64,7 @@ def waterfall(planned, printed):
         if node in printed:
             deg, sigma = printed[node]
             names.append("paper")
-            draw.marked(axis, [len(steps) + 1], [deg], [sigma], "paper, standard uncertainty", color=VERMILION,
+            draw.draw_marks(axis, [len(steps) + 1], [deg], [sigma], "paper, standard uncertainty", color=VERMILION,
                         marker="x", markersize=9)  # fmt: skip
             axis.annotate(f"{deg:.3f}", (len(steps) + 1, deg), (0, 8), textcoords="offset points", ha="center",
                           fontsize=FONT["small"])  # fmt: skip
@@ -89,16 +89,17 @@ def cases(points, names, printed, title, caption, file):
     points   {(case, temperature): numbers}
     printed  {quantity: {temperature: (value, sigma)}} of the paper, or {}
     """
-    figure, axes = axes_of(title, 8.4, 2, 3)
+    figure, axes = make_axes(title, 8.4, 2, 3)
     temps = sorted({t for _, t in points})
     for axis, (name, sigma, label) in zip(axes.ravel(), QUANTITIES):
         for k, case in enumerate(names):
-            found = [(t, points[case, t]) for t in temps if points.get((case, t), {}).get(name) is not None]
-            draw.marked(axis, [t for t, _ in found], [p[name] for _, p in found], [p.get(sigma) for _, p in found],
-                        f"case {case}", draw.beside_pt(k, len(names)), **draw.of_case(case))  # fmt: skip
-        known = printed.get(name)
-        if known:
-            draw.marked(axis, list(known), [v for v, _ in known.values()], [s for _, s in known.values()],
+            case_points = [(t, points[case, t]) for t in temps if points.get((case, t), {}).get(name) is not None]
+            draw.draw_marks(axis, [t for t, _ in case_points], [p[name] for _, p in case_points],
+                        [p.get(sigma) for _, p in case_points], f"case {case}", draw.mark_shift_pt(k, len(names)), **draw.case_style(case))  # fmt: skip
+        paper_values = printed.get(name)
+        if paper_values:
+            draw.draw_marks(axis, list(paper_values), [v for v, _ in paper_values.values()],
+                        [s for _, s in paper_values.values()],
                         "paper, mean of cases 1 to 3, its spread", color=GREY, marker="x", markersize=9,
                         elinewidth=2)  # fmt: skip
         axis.margins(x=0.12)

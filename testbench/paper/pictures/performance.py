@@ -6,7 +6,7 @@ Source    docs/paper.md
 import numpy as np
 
 from testbench.console.figure_files import Picture
-from testbench.console.report import FONT, GREY, VERMILION, axes_of, name_axes
+from testbench.console.report import FONT, GREY, VERMILION, make_axes, name_axes
 from testbench.paper.pictures import draw
 
 
@@ -22,17 +22,17 @@ def allan(points, printed):
 
     printed  {"arw_deg_per_rt_h" or "instability_deg_per_h": {temperature: (value, sigma)}} of the paper, or {}
     """
-    found = _by_temperature(points)
-    figure, axes = axes_of("Allan deviation at rest, 1 sigma", 6.4, 1, len(found), sharey=True)
-    for axis, (temp, cases) in zip(axes[0], found.items()):
+    by_temperature = _by_temperature(points)
+    figure, axes = make_axes("Allan deviation at rest, 1 sigma", 6.4, 1, len(by_temperature), sharey=True)
+    for axis, (temp, cases) in zip(axes[0], by_temperature.items()):
         axis.set_xscale("log")
         axis.set_yscale("log")
         for k, (case, p) in enumerate(cases.items()):
             if p.get("tau_s"):
                 hours = np.array(p["adev_dps"]) * 3600
-                style = draw.of_case(case) | {"markersize": 4, "capsize": 2}
-                draw.marked(axis, p["tau_s"], hours, hours * np.array(p["adev_sigma"]), f"case {case}",
-                            draw.beside_pt(k, len(cases)) / 2, **style)  # fmt: skip
+                style = draw.case_style(case) | {"markersize": 4, "capsize": 2}
+                draw.draw_marks(axis, p["tau_s"], hours, hours * np.array(p["adev_sigma"]), f"case {case}",
+                            draw.mark_shift_pt(k, len(cases)) / 2, **style)  # fmt: skip
         tau = np.array([0.1, 100.0])
         if temp in printed.get("arw_deg_per_rt_h", {}):
             arw, _ = printed["arw_deg_per_rt_h"][temp]
@@ -55,19 +55,19 @@ def allan(points, printed):
 
 def scale_residuals(points, rates_dps):
     """Residuals of the rates (deg/s), and V_q over rate, one column a temperature."""
-    found = _by_temperature(points)
-    figure, axes = axes_of("22 rates: residual of the line, and V_q", 8.4, 2, len(found), sharey="row")
-    for column, (temp, cases) in enumerate(found.items()):
+    by_temperature = _by_temperature(points)
+    figure, axes = make_axes("22 rates: residual of the line, and V_q", 8.4, 2, len(by_temperature), sharey="row")
+    for column, (temp, cases) in enumerate(by_temperature.items()):
         for k, (case, p) in enumerate(cases.items()):
-            style = draw.of_case(case) | {"markersize": 4}
+            style = draw.case_style(case) | {"markersize": 4}
             bars = [p.get("nonlinearity_sigma_ppm")] * len(rates_dps)
-            beside = draw.beside_pt(k, len(cases)) / 2
-            draw.marked(
-                axes[0, column], rates_dps, p["scale_residual_ppm"], bars, f"case {case}, 1 sigma", beside, **style
+            shift_pt = draw.mark_shift_pt(k, len(cases)) / 2
+            draw.draw_marks(
+                axes[0, column], rates_dps, p["scale_residual_ppm"], bars, f"case {case}, 1 sigma", shift_pt, **style
             )
             bars = [p.get("quadrature_sigma_v")] * len(rates_dps)
-            draw.marked(
-                axes[1, column], rates_dps, p["quadrature_v_of_rate"], bars, f"case {case}, 1 sigma", beside, **style
+            draw.draw_marks(
+                axes[1, column], rates_dps, p["quadrature_v_of_rate"], bars, f"case {case}, 1 sigma", shift_pt, **style
             )
         axes[0, column].set_title(f"{temp:g} degC", fontsize=FONT["label"], loc="left")
         first = column == 0
@@ -91,7 +91,7 @@ def nonlinearity(explained, wide, printed):
     printed    {temperature: (value, sigma)} of the paper's mean, or {}
     """
     temps = sorted({t for _, t in explained})
-    figure, axes = axes_of("Why the scale factor is not linear: V_q at its ceiling", 5.8, 1, len(temps), sharey=True)
+    figure, axes = make_axes("Why the scale factor is not linear: V_q at its ceiling", 5.8, 1, len(temps), sharey=True)
     rows = (
         "measured, 1 sigma",
         "rates between the rails, 1 sigma",
@@ -99,7 +99,7 @@ def nonlinearity(explained, wide, printed):
         "V_q with more span",
     )
     for axis, temp in zip(axes[0], temps):
-        mine = {c: found for (c, t), found in sorted(explained.items()) if t == temp}
+        mine = {c: pair for (c, t), pair in sorted(explained.items()) if t == temp}
         names = list(mine)
         values = [
             [e.measured_ppm for e, _ in mine.values()],
@@ -109,8 +109,8 @@ def nonlinearity(explained, wide, printed):
         ]
         for k, (row, numbers) in enumerate(zip(rows, values)):
             bars = [s if k < 2 else None for _, s in mine.values()]
-            draw.marked(axis, range(len(names)), numbers, bars, row, 2.5 * draw.beside_pt(k, len(rows)), markersize=8,
-                        color=draw.COLOURS[k], marker=draw.MARKS[k])  # fmt: skip
+            draw.draw_marks(axis, range(len(names)), numbers, bars, row, 2.5 * draw.mark_shift_pt(k, len(rows)),
+                        markersize=8, color=draw.COLOURS[k], marker=draw.MARKS[k])  # fmt: skip
         if temp in printed:
             axis.axhline(printed[temp][0], color=VERMILION, linestyle=":", label="paper, mean of cases 1 to 3")
         axis.set_xticks(range(len(names)), [f"case {c}" for c in names])

@@ -9,20 +9,20 @@ import math
 import numpy as np
 
 from testbench.console.figure_files import Picture
-from testbench.console.report import GREY, SKY, VERMILION, axes_of, name_axes
+from testbench.console.report import GREY, SKY, VERMILION, make_axes, name_axes
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as loops
-from testbench.paper.loop import parts as loop_parts
+from testbench.paper.loop import loop_parameters as loop_parts
 from testbench.paper.loop.sense_grid import closed_bandwidth, sense_grid, turned
 from testbench.paper.pictures import draw
 
 
 def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
     """Fig. 5 b-d: return ratio and closed loop over frequency for three ye1."""
-    split_hz = abs(loop_parts.parts(config).split_hz)
+    split_hz = abs(loop_parts.loop_parameters(config).split_hz)
     f = np.unique(np.concatenate([np.geomspace(0.5, 400.0, 160), split_hz + np.linspace(-6.0, 6.0, 601)]))
     rise = []
-    figure, axes = axes_of(
+    figure, axes = make_axes(
         "Fig. 5  Force-to-rebalance loop in the frequency domain (analysis, no statistics)", 8.4, 2, 2
     )
     for k, angle in enumerate(angles_deg):
@@ -47,9 +47,9 @@ def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
     )
 
 
-def scale_over_phases(rows):
+def scale_by_phases(rows):
     """Fig. 6 a: scale factor of simulated gyroscopes over ye1 at three ye2; rows of `law.sense_law`."""
-    figure, axes = axes_of("Fig. 6 a  Scale factor over both sense phase errors", 5.6, 1, 2)
+    figure, axes = make_axes("Fig. 6 a  Scale factor over both sense phase errors", 5.6, 1, 2)
     unit = next(r["lsb_per_dps"] for r in rows if r["ye1"] == 0.0 and r["ye2"] == 0.0)
     worst = 0.0
     for k, b in enumerate(sorted({r["ye2"] for r in rows})):
@@ -58,12 +58,12 @@ def scale_over_phases(rows):
         y = np.array([r["lsb_per_dps"] for r in mine]) / unit
         sigma = np.array([r["sigma_lsb_per_dps"] for r in mine]) / unit
         law = np.array([r["inverse_cosine"] for r in mine])
-        style = draw.of_case(k + 1) | {"linestyle": "none"}
-        draw.marked(
-            axes[0, 0], x, 100 * (y - 1), 100 * sigma, f"ye2 = {b:g} deg, 1 sigma", draw.beside_pt(k, 3), **style
+        style = draw.case_style(k + 1) | {"linestyle": "none"}
+        draw.draw_marks(
+            axes[0, 0], x, 100 * (y - 1), 100 * sigma, f"ye2 = {b:g} deg, 1 sigma", draw.mark_shift_pt(k, 3), **style
         )
         off = 1e6 * (y / law - 1)
-        draw.marked(axes[0, 1], x, off, 1e6 * sigma, f"ye2 = {b:g} deg, 1 sigma", draw.beside_pt(k, 3), **style)
+        draw.draw_marks(axes[0, 1], x, off, 1e6 * sigma, f"ye2 = {b:g} deg, 1 sigma", draw.mark_shift_pt(k, 3), **style)
         worst = max(worst, float(np.abs(off).max()))
     fine = np.linspace(-9.0, 9.0, 91)
     axes[0, 0].plot(fine, 100 * (1 / np.cos(np.radians(fine)) - 1), "--", color=GREY, label="1/cos(ye1), xe2' = 0")
@@ -82,25 +82,27 @@ def scale_over_phases(rows):
 def sense_errors(config):
     """Fig. 6 b: bandwidth and phase over ye1 and ye2, by the linear loop."""
     rows = sense_grid(config)
-    figure, axes = axes_of(
+    figure, axes = make_axes(
         "Fig. 6 b  Bandwidth, and phase at 10 Hz, over both sense phases (analysis, no statistics)", 5.6, 1, 2
     )
     for k, b in enumerate(sorted({r[1] for r in rows})):
         mine = [r for r in rows if r[1] == b]
         for axis, column in zip(axes[0], (2, 3)):
-            axis.plot([r[0] for r in mine], [r[column] for r in mine], label=f"ye2 = {b:g} deg", **draw.of_case(k + 1))
+            axis.plot(
+                [r[0] for r in mine], [r[column] for r in mine], label=f"ye2 = {b:g} deg", **draw.case_style(k + 1)
+            )
     name_axes(axes[0, 0], "ye1 (deg)", "bandwidth (Hz)")
     name_axes(axes[0, 1], "ye1 (deg)", "phase at 10 Hz (deg)")
     draw.legend(figure)
-    alone = [r[2] for r in rows if r[1] == 0.0]
+    ye1_only = [r[2] for r in rows if r[1] == 0.0]
     every = [r[2] for r in rows]
-    own = closed_bandwidth(turned(config))
+    nominal = closed_bandwidth(turned(config))
     gain = closed_bandwidth(advisor.varied(turned(config), crossover=math.cos(math.radians(9.0))))
     return Picture(
         "fig_6b_bandwidth",
-        f"What to see: ye1 alone moves the bandwidth by {max(alone) - min(alone):.2f} Hz, both phases by "
+        f"What to see: ye1 alone moves the bandwidth by {max(ye1_only) - min(ye1_only):.2f} Hz, both phases by "
         f"{max(every) - min(every):.2f} Hz; the paper says less than 0.3 Hz. The loop gain falls "
-        f"with cos(ye1 + ye2'), which at 9 deg alone makes {own - gain:.2f} Hz; the rest is the coupling to the "
+        f"with cos(ye1 + ye2'), which at 9 deg alone makes {nominal - gain:.2f} Hz; the rest is the coupling to the "
         "quadrature loop.",
         figure,
     )
@@ -108,9 +110,9 @@ def sense_errors(config):
 
 def response(points, config):
     """Frequency response of the simulated gyroscope beside the linear loop."""
-    figure, axes = axes_of("Rate channel: simulated gyroscope beside the analysis", 8.4, 2, 1)
+    figure, axes = make_axes("Rate channel: simulated gyroscope beside the analysis", 8.4, 2, 1)
     f = np.geomspace(0.5, 125.0, 200)
-    closed = loops.close(loop_parts.parts(config))
+    closed = loops.close(loop_parts.loop_parameters(config))
     h = loops.response(closed, f) / loops.response(closed, np.array([1e-3]))[0].real
     names = sorted({c for c, t in points if t == 25.0})
     for axis, curve in zip(axes[:, 0], (20 * np.log10(np.abs(h)), np.degrees(np.unwrap(np.angle(h))))):
@@ -119,12 +121,18 @@ def response(points, config):
     for k, case in enumerate(names):
         p = points[case, 25.0]
         db = p.get("response_sigma_db")
-        style = draw.of_case(case) | {"linestyle": "none"}
+        style = draw.case_style(case) | {"linestyle": "none"}
         # a relative error r of a line is 8.686 r dB and r rad
         for axis, values, sigma in ((axes[0, 0], "response_db", db), (axes[1, 0], "response_deg", db and db * 6.596)):
             bars = [None if sigma is None else sigma / 10 ** (g / 20) for g in p["response_db"]]
-            draw.marked(
-                axis, p["response_hz"], p[values], bars, f"case {case}, 1 sigma", draw.beside_pt(k, len(names)), **style
+            draw.draw_marks(
+                axis,
+                p["response_hz"],
+                p[values],
+                bars,
+                f"case {case}, 1 sigma",
+                draw.mark_shift_pt(k, len(names)),
+                **style,
             )
         if k == 0:
             axes[0, 0].plot(p["swept_hz"], p["swept_db"], "-", color=SKY, label=f"swept rate, case {case}")

@@ -22,7 +22,7 @@ TICKS = int(os.environ.get("TICKS") or 40)
 
 
 @cocotb.test()
-async def closed_loop(dut):
+async def compare_closed_loop(dut):
     from fpga_model.top import Pins
     from testbench.config import Config
     from testbench.golden.loop.by_edge import Model, Plant
@@ -55,14 +55,14 @@ async def closed_loop(dut):
         wrong = [port for port, handle in handles.items() if handle.value.binstr != binary(expected[port], handle)]
         if wrong:
             port, handle = wrong[0], handles[wrong[0]]
-            place = f"tick {plant.tick}, clock {plant.clock % 26}: {port}"
-            said = f"expected {binary(expected[port], handle)}, got {handle.value.binstr} (binary)"
-            print(f"FAIL {place}: {said}; {len(wrong) - 1} more differ", flush=True)
+            location = f"tick {plant.tick}, clock {plant.clock % 26}: {port}"
+            mismatch = f"expected {binary(expected[port], handle)}, got {handle.value.binstr} (binary)"
+            print(f"FAIL {location}: {mismatch}; {len(wrong) - 1} more differ", flush=True)
         assert not wrong
-        given = plant.inputs()
-        drive(given)
+        inputs = plant.inputs()
+        drive(inputs)
         await clock()
-        model.edge(given)
+        model.edge(inputs)
         plant.edge({name: int(getattr(dut, f"o_{name}").value) for name in Pins._fields})
     print(f"PASS {plant.clock} edges, {len(handles)} registers and pins at each", flush=True)
 
@@ -90,11 +90,11 @@ def main():
             sources=[*sources(os.environ["RTL"]), top], hdl_toplevel=board.MODULE, build_dir=folder, always=True
         )
         os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-        done = runner.test(
+        results_path = runner.test(
             hdl_toplevel=board.MODULE, test_module=Path(__file__).stem, build_dir=folder, test_dir=folder,
             results_xml=str(folder / "results.xml"), extra_env={"COCOTB_REWRITE_ASSERTION_FILES": ""},
         )  # fmt: skip
-        text = Path(done).read_text()
+        text = Path(results_path).read_text()
     sys.exit(1 if "<failure" in text or "<error" in text or "<testcase" not in text else 0)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.tracing.problem.model import Point
 from testbench.tracing.problem.predictor import Failed
-from testbench.tracing.problem.result import plain
+from testbench.tracing.problem.result import plain_value
 
 ENOUGH, CONVERGED, AGREED = 1e-4, 0.01, 0.1  # of the cost
 MOST_ITERATIONS = 40
@@ -46,7 +46,7 @@ class Fit(NamedTuple):
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def told(self):
+    def interval_covariance(self):
         """Covariance for intervals: that of the fit, if along what is fitted the rows have a variance s^2.
 
             s^2 = a max(1, z' z / (rows - tr(C J' J)))      C + (s^2 - 1) C J' J C
@@ -55,9 +55,11 @@ class Fit(NamedTuple):
         """
         if not np.all(np.isfinite(self.covariance)):
             return self.covariance
-        seen = self.covariance @ (self.jacobian.T @ self.jacobian)
-        scatter = self.z @ self.z / max(len(self.z) - np.trace(seen), 1.0)
-        return self.covariance + (self.model.problem.noise_along * max(scatter, 1.0) - 1.0) * seen @ self.covariance
+        data_share = self.covariance @ (self.jacobian.T @ self.jacobian)
+        scatter = self.z @ self.z / max(len(self.z) - np.trace(data_share), 1.0)
+        return (
+            self.covariance + (self.model.problem.noise_along * max(scatter, 1.0) - 1.0) * data_share @ self.covariance
+        )
 
 
 class Solver(NamedTuple):
@@ -68,7 +70,7 @@ class Solver(NamedTuple):
     scale: np.ndarray
 
     @classmethod
-    def at(cls, model, point, z, jacobian):
+    def from_jacobian(cls, model, point, z, jacobian):
         a = np.concatenate([jacobian, model.prior_columns()])
         b = np.concatenate([z, model.prior_rows(point)])
         scale = np.linalg.norm(a, axis=0)
@@ -98,13 +100,13 @@ class Solver(NamedTuple):
         return out
 
 
-def cost_of(model, point, prediction):
+def evaluate_cost(model, point, prediction):
     z = model.space.residual(prediction)
     prior = model.prior_rows(point)
     return z, float(z @ z + prior @ prior)
 
 
-def _moved(model, point, step):
+def _add_step(model, point, step):
     """Point + step, coefficients kept on their allowed side."""
     m = len(point.theta)
     c = point.c + step[m:]
@@ -125,12 +127,12 @@ def _fresh(model, point, prediction):
 def _better(model, point, solver, cost, first):
     """Best of some damped steps, the undamped alone first: (point, prediction, z, cost, index of damping), or None."""
     for dampings in [DAMPINGS[:1], DAMPINGS[1:]] if first == 0 else [DAMPINGS[first - 1 :]]:
-        points, better = [_moved(model, point, solver.step(damping)) for damping in dampings], None
-        for damping, other, found in zip(dampings, points, model.ask(points)):
-            if not isinstance(found, Failed):
-                z, lower = cost_of(model, other, found)
+        points, better = [_add_step(model, point, solver.step(damping)) for damping in dampings], None
+        for damping, other, prediction in zip(dampings, points, model.ask(points)):
+            if not isinstance(prediction, Failed):
+                z, lower = evaluate_cost(model, other, prediction)
                 if lower < cost and (better is None or lower < better[3]):
-                    better = (other, found, z, lower, DAMPINGS.index(damping))
+                    better = (other, prediction, z, lower, DAMPINGS.index(damping))
         if better is not None:
             return better
     return None
@@ -146,14 +148,14 @@ def fit(model, start, jacobian=None):
     point, (prediction,) = start, model.ask([start])
     if isinstance(prediction, Failed):
         return Fit(model, start, failed=prediction.reason)
-    z, cost = cost_of(model, point, prediction)
+    z, cost = evaluate_cost(model, point, prediction)
     if fresh:
         jacobian, lost = _fresh(model, point, prediction)
         if lost:
             return Fit(model, point, failed=lost)
     first = 0  # index of the damping that worked last
     for iteration in range(MOST_ITERATIONS + 1):
-        solver = Solver.at(model, point, z, _free(model, point, z, jacobian))
+        solver = Solver.from_jacobian(model, point, z, _free(model, point, z, jacobian))
         decrement = solver.decrement()
         if decrement < ENOUGH and exact and not fresh:
             keep, better = False, None
@@ -168,23 +170,23 @@ def fit(model, start, jacobian=None):
         if better is not None:
             gained = cost - better[3]
             point, prediction, z, cost, first = better
-        done = better is not None and fresh and gained < min(1e-9 * max(cost, 1.0), ENOUGH)
+        stalled = better is not None and fresh and gained < min(1e-9 * max(cost, 1.0), ENOUGH)
         fresh = fresh and better is None
         if not keep and not fresh:
             jacobian, lost = _fresh(model, point, prediction)
             if lost:
                 return Fit(model, point, failed=lost)
             fresh = True
-        if done:
-            solver = Solver.at(model, point, z, _free(model, point, z, jacobian))
+        if stalled:
+            solver = Solver.from_jacobian(model, point, z, _free(model, point, z, jacobian))
             decrement = solver.decrement()
             break
-    covariance = Solver.at(model, point, z, jacobian).covariance()
+    covariance = Solver.from_jacobian(model, point, z, jacobian).covariance()
     sd = np.sqrt(np.diag(covariance))
     step = np.abs(solver.step()) / np.where(sd > 0, sd, 1.0)
     gradient = float(np.max(np.abs(solver.r.T @ solver.q_rhs), initial=0.0))
-    moved = float(step.max(initial=0.0))
-    return Fit(model, point, prediction, z, jacobian, cost, decrement, gradient, moved, iteration, covariance)
+    largest_step = float(step.max(initial=0.0))
+    return Fit(model, point, prediction, z, jacobian, cost, decrement, gradient, largest_step, iteration, covariance)
 
 
 def _free(model, point, z, jacobian):
@@ -243,12 +245,12 @@ def calibrate(model, starts=2, seed=0, begin=None, progress=None):
         "iterations": int(best.iterations),
         "failed": best.failed,
     }
-    return Calibration(best, tuple(costs), bool(converged), plain(certificate))
+    return Calibration(best, tuple(costs), bool(converged), plain_value(certificate))
 
 
-def misfit_unit(found):
+def misfit_unit(best_fit):
     """Cost per row, at least 1: what a cost difference of 1 sigma^2 is where the model is wrong by many sigmas."""
-    return max(1.0, found.cost / max(found.model.space.size, 1)) if np.isfinite(found.cost) else 1.0
+    return max(1.0, best_fit.cost / max(best_fit.model.space.size, 1)) if np.isfinite(best_fit.cost) else 1.0
 
 
 def _agreeing(costs, model):

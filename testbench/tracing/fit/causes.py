@@ -28,26 +28,26 @@ class Cause(NamedTuple):
     chi2: float  # above that of the best set, priors counted
 
 
-def near(ranking, best, fit, laws):
+def nearby_sets(ranking, best, fit, laws):
     """Sets that the linear model puts near the best one, small ones first; `fit` is that of the best set."""
     pool, rows = tuple(n for n in ranking.names if n not in ranking.hidden), []
-    found = [linear_sets(ranking, pool, laws, size) for size in range(1, len(best) + 1)]
+    sets_by_size = [linear_sets(ranking, pool, laws, size) for size in range(1, len(best) + 1)]
     mine = linear_sets(ranking, best, laws, len(best)).fall[0]
     # what the linear model may be off by, where it is not one
     margin = 2 * AS_GOOD + fit.bend * (fit.bend + 2 * np.sqrt(max(mine, 0.0)))
-    for sets in found:
+    for sets in sets_by_size:
         for i in np.flatnonzero(np.isfinite(sets.gain) & (sets.fall > mine - margin)):
             rows.append((sets.members.shape[1], mine - sets.fall[i], sets.laws(i)))
     return [names for _, _, names in sorted(rows) if set(names) != set(best)]
 
 
-def class_of(work, ranking, best, passes):
+def find_causes(work, ranking, best, passes):
     """([`Cause`] of the best set of a `search.Search` first, then its rivals; near sets that were not tried).
 
     ranking  of all laws at the base fit;   passes  function(fit): the held-out test
     """
     top = work.candidates[best]
-    out, todo, tried = [Cause(best, top.fit, 0.0)], near(ranking, best, top.fit, work.laws), 0
+    out, todo, tried = [Cause(best, top.fit, 0.0)], nearby_sets(ranking, best, top.fit, work.laws), 0
     while todo and tried < TRIED and len(out) <= MOST:
         names = tuple(sorted(todo.pop(0)))
         if any(set(c.names) <= set(names) for c in out):

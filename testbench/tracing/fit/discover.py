@@ -33,28 +33,28 @@ class Selection(NamedTuple):
 def forward(values, columns, nuisance, most=MOST_TERMS):
     """(chosen columns in order, coefficients, residual sum, BIC, first sum) of whitened data; columns (n, K)."""
     q = np.linalg.qr(nuisance)[0] if nuisance.shape[1] else np.zeros((len(values), 0))
-    base = left = values - q @ (q.T @ values)
-    whole = np.linalg.norm(columns, axis=0)
-    rest = columns - q @ (q.T @ columns)
+    base = residual = values - q @ (q.T @ values)
+    column_norms = np.linalg.norm(columns, axis=0)
+    projected = columns - q @ (q.T @ columns)
     chosen, n = [], len(values)
-    best, start = float(left @ left), float(left @ left)
-    remaining = rest.copy()
+    best, start = float(residual @ residual), float(residual @ residual)
+    remaining = projected.copy()
     while len(chosen) < most:
         length = np.linalg.norm(remaining, axis=0)
-        usable = length > 1e-6 * np.where(whole > 0, whole, np.inf)
+        usable = length > 1e-6 * np.where(column_norms > 0, column_norms, np.inf)
         usable[chosen] = False
         if not usable.any():
             break
-        gain = np.where(usable, (remaining.T @ left) ** 2 / np.where(usable, length, 1.0) ** 2, -1.0)
+        gain = np.where(usable, (remaining.T @ residual) ** 2 / np.where(usable, length, 1.0) ** 2, -1.0)
         k = int(np.argmax(gain))
         if gain[k] < np.log(n) + 2 * np.log(columns.shape[1]):
             break
         u = remaining[:, k] / length[k]
-        left = left - u * (u @ left)
+        residual = residual - u * (u @ residual)
         remaining = remaining - np.outer(u, u @ remaining)
         chosen.append(k)
-        best = float(left @ left)
-    c = np.linalg.lstsq(rest[:, chosen], base, rcond=None)[0] if chosen else np.zeros(0)
+        best = float(residual @ residual)
+    c = np.linalg.lstsq(projected[:, chosen], base, rcond=None)[0] if chosen else np.zeros(0)
     return chosen, c, best, best + len(chosen) * (np.log(n) + 2 * np.log(columns.shape[1])), start
 
 
@@ -66,7 +66,7 @@ def select(force, rng, bootstraps=BOOTSTRAPS):
     names, columns = tuple(n for n, ok in zip(names, good) if ok), columns[:, good]
     if not names:
         return Selection(force.port, force.unit, (), {}, 0.0, 0.0, {}, float("nan"))
-    chosen, c, rest, bic, start = forward(force.values, columns, force.nuisance)
+    chosen, c, residual_energy, bic, start = forward(force.values, columns, force.nuisance)
     blocks = np.unique(force.block)
     rows = {b: np.flatnonzero(force.block == b) for b in blocks}
     counts = dict.fromkeys(names, 0)
@@ -80,7 +80,7 @@ def select(force, rng, bootstraps=BOOTSTRAPS):
         force.unit,
         tuple(names[k] for k in chosen),
         {names[k]: float(x) for k, x in zip(chosen, c)},
-        float((start - rest) / energy) if energy > 0 else 0.0,
+        float((start - residual_energy) / energy) if energy > 0 else 0.0,
         float(energy),
         {n: k / bootstraps for n, k in counts.items() if k},
         float(bic),
@@ -89,9 +89,9 @@ def select(force, rng, bootstraps=BOOTSTRAPS):
 
 def forces(problem, fit, ranking):
     """`PortForce`s: the problem's own estimates, or signatures in feature space, per port of the laws."""
-    found = problem.force_at(fit.point.theta, fit.model.effects(fit.point))
-    if found:
-        return list(found)
+    estimates = problem.force_at(fit.point.theta, fit.model.effects(fit.point))
+    if estimates:
+        return list(estimates)
     laws, space = all_laws(problem), fit.model.space
     block = np.zeros(space.size, int)
     for i, b in enumerate(space.blocks):

@@ -66,12 +66,12 @@ def linear_sets(ranking, names, laws, size):
     good &= np.all(np.diagonal(inverse, axis1=1, axis2=2) < INFLATED, axis=1)
     cov = inverse / (d[:, :, None] * d[:, None, :])
     c = np.einsum("nij,nj->ni", cov, ranking.b[k])
-    own = np.array([(law.scale, law.sign, law.low, law.high) for law in (laws[n] for n in names)]).reshape(-1, 4)
-    scale, sign, low, high = np.moveaxis(own[members], 2, 0)
+    law_limits = np.array([(law.scale, law.sign, law.low, law.high) for law in (laws[n] for n in names)]).reshape(-1, 4)
+    scale, sign, low, high = np.moveaxis(law_limits[members], 2, 0)
     sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
-    seen = good & np.all((sd <= scale) & (c >= low - BEYOND * sd) & (c <= high + BEYOND * sd), axis=1)
+    admissible = good & np.all((sd <= scale) & (c >= low - BEYOND * sd) & (c <= high + BEYOND * sd), axis=1)
     fall = np.where(good, np.einsum("ni,ni->n", c, ranking.b[k]), 0.0)
-    gain = np.where(seen, 0.5 * fall + log_coefficients(c, cov, scale, sign), -np.inf)
+    gain = np.where(admissible, 0.5 * fall + log_coefficients(c, cov, scale, sign), -np.inf)
     return LinearSets(tuple(names), members, fall, c, gain)
 
 

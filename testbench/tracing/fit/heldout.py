@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
-from testbench.tracing.fit.rivals import confirmation, sigma_along
+from testbench.tracing.fit.rivals import change_sigma, confirmation
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Failed
 
@@ -34,7 +34,7 @@ FLOOR_FACTOR = 1.06
 HARM = 0.02  # share of its error by which an observable may become worse
 
 
-class HeldOut(NamedTuple):
+class HeldoutResult(NamedTuple):
     """Tables per observable or group, and chi2 of all."""
 
     rows: dict
@@ -51,7 +51,11 @@ def squares(problem, space, predictions, by):
     out, floors, units = {}, {}, {}
     for g, group in enumerate(space.groups):
         for k in group.members:
-            y, segment, floor = np.asarray(problem.measured(k), float), problem.segments[k], problem.floor(k)
+            y, segment, floor = (
+                np.asarray(problem.segment_features(k), float),
+                problem.segments[k],
+                problem.repeatability_rms(k),
+            )
             for o in segment.observables:
                 key = _key(by, segment, o)
                 errors = np.stack([y[o.rows] - p[g][o.rows] for p in predictions])
@@ -87,7 +91,7 @@ def bootstrap(pieces, rng):
     return rms, np.sqrt((weights @ total) / (weights @ count)[:, None])
 
 
-def unknown(space, ask, f):
+def fit_uncertainty(space, ask, f):
     """What one standard deviation of each principal direction of a fit moves: [(rows, directions) per group].
 
     None if a step cannot be predicted.
@@ -99,12 +103,12 @@ def unknown(space, ask, f):
     # a law with a sign may only be moved away from zero
     steps = sd * np.concatenate([np.ones(n), np.where(f.point.c < 0, -1.0, 1.0)])
     points = [f.point, *(f.model.shifted(f.point, j, steps[j]) for j in range(len(sd)))]
-    (now, *moved) = ask([(p.theta, f.model.effects(p)) for p in points], space.which)
-    if any(isinstance(m, Failed) for m in (now, *moved)):
+    (now, *shifted) = ask([(p.theta, f.model.effects(p)) for p in points], space.which)
+    if any(isinstance(m, Failed) for m in (now, *shifted)):
         return None
     values, vectors = np.linalg.eigh(f.covariance / np.outer(steps, steps))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return [np.stack([m[g] - now[g] for m in moved], axis=1) @ root for g in range(len(space.groups))]
+    return [np.stack([m[g] - now[g] for m in shifted], axis=1) @ root for g in range(len(space.groups))]
 
 
 def simulated(problem, space, predictions, directions, by, rng):
@@ -112,29 +116,29 @@ def simulated(problem, space, predictions, directions, by, rng):
 
     Of each set the last prediction is the truth's best fit.
     """
-    out, apart, rows, own = {}, {}, {}, np.sqrt(problem.prediction_noise)
+    out, deviation_squares, rows, prediction_sd = {}, {}, {}, np.sqrt(problem.prediction_noise)
     total = sum(len(p) * len(g.members) for p, g in zip(predictions[-1], space.groups))
     count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
     xi = rng.normal(size=(directions[0].shape[1], count))
     for g, group in enumerate(space.groups):
-        own_error = own * problem.noise_draws(group.members[0], count, rng) if own else 0.0
-        common = directions[g] @ xi + own_error
+        prediction_error = prediction_sd * problem.noise_draws(group.members[0], count, rng) if prediction_sd else 0.0
+        common = directions[g] @ xi + prediction_error
         draws = np.stack([problem.noise_draws(k, count, rng) for k in group.members])
         for k, noise, deviation in zip(group.members, draws + common, draws - draws.mean(axis=0)):
             for o in problem.segments[k].observables:
                 key = _key(by, problem.segments[k], o)
                 e = [noise[o.rows] + (predictions[-1][g] - p[g])[o.rows, None] for p in predictions]
                 out[key] = out.get(key, 0.0) + np.stack([(x**2).sum(axis=0) for x in e], axis=1)
-                apart[key] = apart.get(key, 0.0) + (deviation[o.rows] ** 2).sum(axis=0)
+                deviation_squares[key] = deviation_squares.get(key, 0.0) + (deviation[o.rows] ** 2).sum(axis=0)
                 rows[key] = rows.get(key, 0) + len(noise[o.rows])
-    return {key: v / rows[key] for key, v in out.items()}, {key: v / rows[key] for key, v in apart.items()}
+    return {key: v / rows[key] for key, v in out.items()}, {key: v / rows[key] for key, v in deviation_squares.items()}
 
 
 def deviations(problem, space, by):
     """{key: mean square of the repeats about their mean}, of the data as `simulated` has it of its sets."""
     out, rows = {}, {}
     for group in space.groups:
-        y = np.stack([np.asarray(problem.measured(k), float) for k in group.members])
+        y = np.stack([np.asarray(problem.segment_features(k), float) for k in group.members])
         for k, d in zip(group.members, y - y.mean(axis=0)):
             for o in problem.segments[k].observables:
                 key = _key(by, problem.segments[k], o)
@@ -143,15 +147,15 @@ def deviations(problem, space, by):
     return {key: v / rows[key] for key, v in out.items()}
 
 
-def p_floor(square, sets, apart, apart_sets):
+def p_floor(square, sets, deviation, deviation_sets):
     """The larger of the chances of a mean square, and of its ratio to the repeats' deviations if there are any.
 
     1 if repeats deviate that by the problem's noise are the same: then no error is too large for that noise.
     """
-    if apart > 0 and not apart_sets.all():
+    if deviation > 0 and not deviation_sets.all():
         return 1.0
-    p = p_above(square, sets)
-    return max(p, p_above(square / apart, sets / apart_sets)) if apart > 0 else p
+    p = mean_square_p(square, sets)
+    return max(p, mean_square_p(square / deviation, sets / deviation_sets)) if deviation > 0 else p
 
 
 def scaled(sets):
@@ -160,7 +164,7 @@ def scaled(sets):
     return sets.mean() / dof, dof
 
 
-def p_above(square, sets):
+def mean_square_p(square, sets):
     """Chance of a mean square as large, if the expected one were FLOOR_FACTOR^2 times that of the simulated sets."""
     if sets.min() == sets.max():
         return float(square <= FLOOR_FACTOR**2 * sets[0])
@@ -171,28 +175,28 @@ def p_above(square, sets):
 def mean_draws(space, rng):
     """(rows, CHI2_SETS) of whitened means of the problem's noise, Gaussian or not, and of the prediction's own."""
     problem, parts = space.problem, []
-    own = np.sqrt(problem.prediction_noise)
+    prediction_sd = np.sqrt(problem.prediction_noise)
     for g, w in zip(space.groups, space.weights):
         mean = np.mean([problem.noise_draws(k, CHI2_SETS, rng) for k in g.members], axis=0)
-        mean = mean + (own * problem.noise_draws(g.members[0], CHI2_SETS, rng) if own else 0.0)
+        mean = mean + (prediction_sd * problem.noise_draws(g.members[0], CHI2_SETS, rng) if prediction_sd else 0.0)
         parts.append(w * space.whitened(g.members[0], mean) / space.gain)
     return np.concatenate(parts)
 
 
-def above_floor(rows):
+def exceeded_floors(rows):
     """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all tested together."""
     known = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
     return [k for k, p in known.items() if 1 - (1 - p) ** len(known) < ABOVE]
 
 
-def worse(judged):
+def worse(heldout):
     """What has become worse with the last model: chi2 of all, or an observable by HARM and significantly.
 
     The 95 % intervals are as wide as all observables together ask for.
     """
-    last = list(judged.chi2.values())
+    last = list(heldout.chi2.values())
     out = ["chi2"] if len(last) > 1 and last[-1] > last[0] else []
-    return out + [k for k, r in judged.rows.items() if r["gain_most"] < 0 and r["gain"] < -HARM * r["before"]]
+    return out + [k for k, r in heldout.rows.items() if r["gain_most"] < 0 and r["gain"] < -HARM * r["before"]]
 
 
 def _quantiles(draws):
@@ -210,7 +214,7 @@ def _intervals(rms, draws, sets):
     return [_quantiles(x) for x in (rms * middle / made).T], rms[0] - rms[-1] + np.median(fall) - fall
 
 
-def judge(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):
+def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):
     """`HeldOut` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
 
     declared  False if the repeats have rejected the declared noise: nothing is simulated from it then
@@ -221,31 +225,35 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     first, last = models[0], models[-1]
     points = [(f.point.theta, f.model.effects(f.point)) for f in fits.values()]
     predictions = predictor(points, space.which)
-    for found in predictions:
-        if isinstance(found, Failed):
-            return HeldOut({}, {}, float("nan"), failed=f"held-out groups: {found.reason}", p=0.0)
+    for prediction in predictions:
+        if isinstance(prediction, Failed):
+            return HeldoutResult({}, {}, float("nan"), failed=f"held-out groups: {prediction.reason}", p=0.0)
     view = problem.heldout_view
     ask = predictor if view is None else view.predict
-    view, seen = (problem, predictions) if view is None else (view, ask(points, space.which))
-    pieces, floors, units = squares(view, space, seen, by)
+    view, view_predictions = (problem, predictions) if view is None else (view, ask(points, space.which))
+    pieces, floors, units = squares(view, space, view_predictions, by)
     rng, rows = np.random.default_rng([seed, 2]), {}
-    directions = unknown(space, ask, last) if declared and space.size else None
-    sets, apart_sets = simulated(view, space, seen, directions, by, rng) if directions else ({}, {})
-    apart = deviations(view, space, by)
+    directions = fit_uncertainty(space, ask, last) if declared and space.size else None
+    sets, deviation_sets = simulated(view, space, view_predictions, directions, by, rng) if directions else ({}, {})
+    repeat_deviations = deviations(view, space, by)
     for key in pieces:
         rms, draws = bootstrap(pieces[key], rng)
-        floor, made = floors.get(key), sets.get(key)
+        floor, simulated_squares = floors.get(key), sets.get(key)
         floor = float(np.sqrt(sum(a * n for a, n in floor) / sum(n for _, n in floor))) if floor else None
         row = {"unit": units[key], "floor": floor, "blocks": len({b for b, _, _ in pieces[key]})}
-        few = made if len(space.groups) < BLOCKS else None
+        few = simulated_squares if len(space.groups) < BLOCKS else None
         intervals, gains = _intervals(rms, draws, few)
         row["gain_ci"] = _quantiles(gains)
         row["gain_most"] = float(np.quantile(gains, 1 - (1 - LEVEL) / 2 / len(pieces)))
         for label, value, interval in zip(labels, rms, intervals):
             row[label], row[label + "_ci"] = float(value), interval
         row["gain"] = float(rms[0] - rms[-1])
-        row["expected"] = None if made is None else float(np.sqrt(made[:, -1].mean()))
-        row["p_floor"] = None if made is None else p_floor(rms[-1] ** 2, made[:, -1], apart[key], apart_sets[key])
+        row["expected"] = None if simulated_squares is None else float(np.sqrt(simulated_squares[:, -1].mean()))
+        row["p_floor"] = (
+            None
+            if simulated_squares is None
+            else p_floor(rms[-1] ** 2, simulated_squares[:, -1], repeat_deviations[key], deviation_sets[key])
+        )
         excess = rms[0] ** 2 - (floor or 0.0) ** 2
         row["excess_removed"] = float((rms[0] ** 2 - rms[-1] ** 2) / excess) if floor and excess > 0 else None
         rows[key] = row
@@ -254,9 +262,9 @@ def judge(problem, space, predictor, fits, by="observable", seed=0, declared=Tru
     root = _root(space, predictor, last, predictions[-1])
     odds = 0.0
     if np.any(z[0] != z[-1]):
-        odds = foretold(space, z[0], z[-1], _root(space, predictor, first, predictions[0]), root)
+        odds = predictive_log_odds(space, z[0], z[-1], _root(space, predictor, first, predictions[0]), root)
     limit, p = _limit(space, root, declared, noise, rng, chi2[labels[-1]])
-    return HeldOut(rows, chi2, limit, confirmation(space, z[0], z[-1]), odds, p=p)
+    return HeldoutResult(rows, chi2, limit, confirmation(space, z[0], z[-1]), odds, p=p)
 
 
 def _root(space, predictor, f, prediction):
@@ -270,7 +278,7 @@ def _root(space, predictor, f, prediction):
     return (j * sd) @ vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def foretold(space, first, last, root_first, root_last):
+def predictive_log_odds(space, first, last, root_first, root_last):
     """`HeldOut.log_odds` of the whitened residuals of two models and the roots of what their fits do not know.
 
     0 if one of the roots is unknown.
@@ -278,25 +286,29 @@ def foretold(space, first, last, root_first, root_last):
     if root_first is None or root_last is None:
         return 0.0
     change = first - last
-    along, noise = change / np.linalg.norm(change), sigma_along(space, change, last)
-    variance = [noise**2 + np.sum((along @ root) ** 2) for root in (root_first, root_last)]
-    cost = [(along @ z) ** 2 / v + np.log(v) for z, v in zip((first, last), variance)]
+    direction, noise = change / np.linalg.norm(change), change_sigma(space, change, last)
+    variance = [noise**2 + np.sum((direction @ root) ** 2) for root in (root_first, root_last)]
+    cost = [(direction @ z) ** 2 / v + np.log(v) for z, v in zip((first, last), variance)]
     return float(cost[0] - cost[1]) / 2
 
 
 def _loudness(space, noise):
     """Chi2 / rows of the held-out contrasts in units of the noise of all, if significantly (5 %) above 1."""
-    most, own = max(map(len, space.contrasts), default=0), []
+    most, contrast_values = max(map(len, space.contrasts), default=0), []
     again = noise.whitener(space) if noise else lambda v: v
     for i in range(most):
-        there = np.concatenate([np.full(c.shape[1], i < len(c)) for c in space.contrasts])
+        present = np.concatenate([np.full(c.shape[1], i < len(c)) for c in space.contrasts])
         rows = np.concatenate([c[i] if i < len(c) else np.zeros(c.shape[1]) for c in space.contrasts])
-        own.append(again(space.refine(rows))[there])
-    own = np.concatenate([*own, np.zeros(0)])
-    return float(np.mean(own**2)) if len(own) and own @ own > chi2_law.ppf(LEVEL, len(own)) else 1.0
+        contrast_values.append(again(space.refine(rows))[present])
+    contrast_values = np.concatenate([*contrast_values, np.zeros(0)])
+    return (
+        float(np.mean(contrast_values**2))
+        if len(contrast_values) and contrast_values @ contrast_values > chi2_law.ppf(LEVEL, len(contrast_values))
+        else 1.0
+    )
 
 
-def _limit(space, root, declared, noise, rng, seen):
+def _limit(space, root, declared, noise, rng, observed):
     """(99.7 % of chi2 / rows if the last model is right, with what the fit does not know; chance of the one seen).
 
     From simulated sets, Gaussian if the declared noise has been rejected, each with octaves as loud as they may be for
@@ -306,8 +318,8 @@ def _limit(space, root, declared, noise, rng, seen):
         return float("inf"), 1.0
     draws = mean_draws(space, rng) if declared else rng.normal(size=(space.size, CHI2_SETS))
     if noise:
-        draws = noise.spread(space, draws, rng)
+        draws = noise.scale_octaves(space, draws, rng)
     z = draws + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
     factor, dof = scaled((z**2).mean(axis=0))
     factor *= _loudness(space, noise)
-    return float(chi2_law.isf(REFUSED, dof) * factor), float(chi2_law.sf(seen / factor, dof))
+    return float(chi2_law.isf(REFUSED, dof) * factor), float(chi2_law.sf(observed / factor, dof))

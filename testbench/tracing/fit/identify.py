@@ -47,7 +47,7 @@ def identify(fit):
         else:
             free = np.abs(vector[~np.isfinite(model.sd)]).max(initial=0.0)
             by = "nothing" if free > SAID else "prior"
-        directions.append(Direction(value, by, vector, _words(model.problem.nuisances, vector, by)))
+        directions.append(Direction(value, by, vector, _direction_text(model.problem.nuisances, vector, by)))
     sd = fit.sd[:n]
     wide = tuple(
         x.name for x, s_ in zip(model.problem.nuisances, sd) if not np.isfinite(s_) or s_ > 0.7 * x.prior_sd < np.inf
@@ -55,17 +55,17 @@ def identify(fit):
     return Identifiability(tuple(directions), scale, wide)
 
 
-def _words(nuisances, vector, by):
+def _direction_text(nuisances, vector, by):
     order = [k for k in np.argsort(-np.abs(vector)) if abs(vector[k]) > SAID]
     free = " (free: column of 1e3 sigma)"
-    said = " ".join(
+    combination = " ".join(
         f"{vector[k]:+.2f} {nuisances[k].name}{'' if np.isfinite(nuisances[k].prior_sd) else free}" for k in order
     )
     if by == "data":
-        return f"the data fix {said}"
+        return f"the data fix {combination}"
     other = "only the prior does" if by == "prior" else "nothing does: give it a prior or another experiment"
     single = len(order) == 1
-    return f"the data do not fix {'' if single else 'the combination '}{said} (in prior sd); {other}"
+    return f"the data do not fix {'' if single else 'the combination '}{combination} (in prior sd); {other}"
 
 
 def unseen(identifiability):

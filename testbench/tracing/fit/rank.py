@@ -28,14 +28,14 @@ class Projection:
         u, s, _ = np.linalg.svd(a / np.where(scale > 0, scale, 1.0), full_matrices=False)
         self.q = u[:, s > 1e-10 * max(s.max(initial=0.0), 1e-300)]
 
-    def full(self, v, prior=None):
+    def project_all(self, v, prior=None):
         """P of [v; prior] with the prior's rows still there; columns stay columns."""
         below = np.zeros((self.priors, *v.shape[1:])) if prior is None else prior
         whole = np.concatenate([v, below])
         return whole - self.q @ (self.q.T @ whole)
 
     def __call__(self, v, prior=None):
-        return self.full(v, prior)[: self.rows]
+        return self.project_all(v, prior)[: self.rows]
 
 
 class Ranking(NamedTuple):
@@ -62,8 +62,8 @@ class Ranking(NamedTuple):
 
 def signatures(fit, names):
     """Whitened d(prediction)/dc at a fit of laws that are not in it, (rows, laws); nan columns: not predictable."""
-    model, known = fit.model, all_laws(fit.model.problem)
-    laws = [known[name] for name in names]
+    model, laws_all = fit.model, all_laws(fit.model.problem)
+    laws = [laws_all[name] for name in names]
     steps = [law_step(law, model.problem) for law in laws]
 
     def point_at(j, step):
@@ -77,17 +77,17 @@ class Signatures:
     """Signatures at fits, computed once; those of the base fit serve for fits that hardly bend away from it."""
 
     def __init__(self, base):
-        self.base, self._known = base, {}
+        self.base, self._cache = base, {}
 
-    def at(self, fit, names):
+    def signature_columns(self, fit, names):
         """(rows, laws) at a fit, or at the base fit if the model is as good as linear between them."""
         source = self.base if fit.bend < BENT else fit
         key = (source.model.names, source.point.theta.tobytes(), source.point.c.tobytes())
-        missing = [n for n in names if (key, n) not in self._known]
+        missing = [n for n in names if (key, n) not in self._cache]
         if missing:
-            found = signatures(source, missing)
-            self._known |= {(key, n): found[:, i] for i, n in enumerate(missing)}
-        columns = [self._known[key, n] for n in names]
+            new_columns = signatures(source, missing)
+            self._cache |= {(key, n): new_columns[:, i] for i, n in enumerate(missing)}
+        columns = [self._cache[key, n] for n in names]
         return np.stack(columns, axis=1) if columns else np.zeros((fit.model.space.size, 0))
 
 
@@ -102,13 +102,13 @@ def rank(fit, names, columns, projection=None, z=None):
     good = np.isfinite(columns).all(axis=0)
     failed = tuple(n for n, ok in zip(names, good) if not ok)
     names, columns = tuple(n for n, ok in zip(names, good) if ok), columns[:, good]
-    projected = projection.full(columns)
-    left = projection.full(z[:, None], prior_z(fit)[:, None])[:, 0]
-    length, whole = np.linalg.norm(projected, axis=0), np.linalg.norm(columns, axis=0)
-    seen = (length > HIDDEN * whole) & (whole > 0)
-    hidden = tuple(n for n, ok in zip(names, seen) if not ok)
-    length = np.where(seen, length, 0.0)
-    b = np.where(seen, projected.T @ left, 0.0)
+    projected = projection.project_all(columns)
+    residual = projection.project_all(z[:, None], prior_z(fit)[:, None])[:, 0]
+    length, full_length = np.linalg.norm(projected, axis=0), np.linalg.norm(columns, axis=0)
+    visible = (length > HIDDEN * full_length) & (full_length > 0)
+    hidden = tuple(n for n, ok in zip(names, visible) if not ok)
+    length = np.where(visible, length, 0.0)
+    b = np.where(visible, projected.T @ residual, 0.0)
     t = np.divide(b, length, out=np.zeros_like(b), where=length > 0)
     gram = projected.T @ projected
     return Ranking(names, columns, projected, gram, b, length, t, hidden, failed)

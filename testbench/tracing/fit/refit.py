@@ -6,7 +6,7 @@ ends on the forbidden side, or does not come from nothing (a jump at coefficient
 
 import numpy as np
 
-from testbench.tracing.fit.calibrate import Solver, cost_of, fit
+from testbench.tracing.fit.calibrate import Solver, evaluate_cost, fit
 from testbench.tracing.problem.model import Model, Point, law_step
 from testbench.tracing.problem.predictor import Failed
 
@@ -19,12 +19,12 @@ def discontinuous(base, law):
     step, _ = law_step(law, base.model.problem)
     effects = base.model.effects(base.point)
     points = [(base.point.theta, effects | {law.name: k * step}) for k in (1.0, 2.0)]
-    near, far = base.model.predictor(points, base.model.space.which)
-    if isinstance(near, Failed) or isinstance(far, Failed):
+    one_step, two_steps = base.model.predictor(points, base.model.space.which)
+    if isinstance(one_step, Failed) or isinstance(two_steps, Failed):
         return False
     space = base.model.space
-    small = space.change(near, base.prediction)
-    jump = np.linalg.norm(2 * small - space.change(far, base.prediction))
+    small = space.whitened_change(one_step, base.prediction)
+    jump = np.linalg.norm(2 * small - space.whitened_change(two_steps, base.prediction))
     return bool(jump > JUMP and jump > JUMP_SHARE * np.linalg.norm(small))
 
 
@@ -39,7 +39,7 @@ def linear_start(base, model, columns):
     for i, name in enumerate(model.names):
         at = base.model.names.index(name) if name in base.model.names else None
         jacobian[:, n + i] = columns[:, added.index(name)] if at is None else base.jacobian[:, n + at]
-    step = Solver.at(model, origin, base.z, jacobian).step()
+    step = Solver.from_jacobian(model, origin, base.z, jacobian).step()
     for i, law in enumerate(model.laws):
         c0 = origin.c[i]
         if law.sign and law.sign * (c0 + step[n + i]) < 0:
@@ -47,9 +47,9 @@ def linear_start(base, model, columns):
     best, lowest = origin, base.cost
     for shares in (SHARES[:1], SHARES[1:]):
         tried = [Point(origin.theta + share * step[:n], origin.c + share * step[n:]) for share in shares]
-        for point, found in zip(tried, model.ask(tried)):
-            if not isinstance(found, Failed):
-                _, cost = cost_of(model, point, found)
+        for point, prediction in zip(tried, model.ask(tried)):
+            if not isinstance(prediction, Failed):
+                _, cost = evaluate_cost(model, point, prediction)
                 if cost < lowest:
                     best, lowest = point, cost
         if best is not origin:
@@ -63,25 +63,25 @@ def refit(base, names, table):
     added = [law for law in model.laws if law.name not in base.model.names]
     for law in added:
         if discontinuous(base, law):
-            return _refused(base, model, f"{law.name} jumps at coefficient 0")
-    columns = table.at(base, [law.name for law in added])
+            return _failed_fit(base, model, f"{law.name} jumps at coefficient 0")
+    columns = table.signature_columns(base, [law.name for law in added])
     if not np.all(np.isfinite(columns)):
-        return _refused(base, model, "cannot be predicted")
+        return _failed_fit(base, model, "cannot be predicted")
     start, origin, jacobian = linear_start(base, model, columns)
-    found = fit(model, start, jacobian)
-    if found.failed:
-        return found
-    stuck = [law.name for law, c in zip(model.laws, found.point.c) if law.sign and c == 0.0]
+    new_fit = fit(model, start, jacobian)
+    if new_fit.failed:
+        return new_fit
+    stuck = [law.name for law, c in zip(model.laws, new_fit.point.c) if law.sign and c == 0.0]
     if stuck:
-        return found._replace(failed=f"{', '.join(stuck)} wants the forbidden sign")
-    if found.cost > base.cost + 0.1:
-        return found._replace(failed="no better than without it: diverged")
-    if not np.all(np.isfinite(found.covariance)):
-        return found._replace(failed="data do not fix the coefficient")
-    moved = np.concatenate([found.point.theta - origin.theta, found.point.c - origin.c])
-    bend = float(np.linalg.norm(found.z - base.z + jacobian @ moved))
-    return found._replace(bend=base.bend + bend)
+        return new_fit._replace(failed=f"{', '.join(stuck)} wants the forbidden sign")
+    if new_fit.cost > base.cost + 0.1:
+        return new_fit._replace(failed="no better than without it: diverged")
+    if not np.all(np.isfinite(new_fit.covariance)):
+        return new_fit._replace(failed="data do not fix the coefficient")
+    change = np.concatenate([new_fit.point.theta - origin.theta, new_fit.point.c - origin.c])
+    bend = float(np.linalg.norm(new_fit.z - base.z + jacobian @ change))
+    return new_fit._replace(bend=base.bend + bend)
 
 
-def _refused(base, model, reason):
+def _failed_fit(base, model, reason):
     return base._replace(model=model, failed=reason)

@@ -36,10 +36,10 @@ def confirmation(space, before, after):
     change = before - after
     if not change.any() or after @ after >= before @ before:
         return 0.0
-    return float(change @ before / np.linalg.norm(change) / sigma_along(space, change, after))
+    return float(change @ before / np.linalg.norm(change) / change_sigma(space, change, after))
 
 
-def sigma_along(space, change, after):
+def change_sigma(space, change, after):
     """Noise along a change, in units of the declared one: 1, or the blocks' own scatter about it if that is larger.
 
     So it is not too small in a noise that is slower or larger than declared.
@@ -48,14 +48,14 @@ def sigma_along(space, change, after):
     return max(1.0, float(scatter / np.linalg.norm(change)))
 
 
-def open_rivals(found):
+def open_rivals(search_result):
     """[(law of the best set, rival set, V)] that the data do not rule out although the model is not adequate."""
-    if not found.best:
+    if not search_result.best:
         return []
-    best, out = found.fit(found.best), []
-    for names, c in found.candidates.items():
-        if c.refitted and len(names) == len(found.best) and names != found.best:
+    best, out = search_result.fit(search_result.best), []
+    for names, c in search_result.candidates.items():
+        if c.refitted and len(names) == len(search_result.best) and names != search_result.best:
             v = vuong(best, c.fit)
             if v < CLEAR:
-                out += [(law, names, v) for law in found.best if law not in names]
+                out += [(law, names, v) for law in search_result.best if law not in names]
     return sorted(out, key=lambda row: (row[2], row[1]))

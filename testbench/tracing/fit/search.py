@@ -46,15 +46,15 @@ class Search:
         self.progress, self.ranking = progress, None
         self.laws = all_laws(base.model.problem)
         self.candidates, self.failed, self.checks, self._verdicts, self.priors = {}, {}, [], {}, {}
-        self._keep((), base)
+        self._add_candidate((), base)
 
-    def _keep(self, names, found):
-        log_z = evidence.log_evidence(found, self.scale)
-        self.candidates[names] = evidence.Candidate(names, log_z, evidence.bic(found), True, found)
+    def _add_candidate(self, names, new_fit):
+        log_z = evidence.log_evidence(new_fit, self.scale)
+        self.candidates[names] = evidence.Candidate(names, log_z, evidence.bic(new_fit), True, new_fit)
 
-    def _linear(self, names, gain, over):
+    def _linear(self, names, gain, base_names):
         if names not in self.failed and not (names in self.candidates and self.candidates[names].refitted):
-            log_z = self.candidates[over].log_z + gain
+            log_z = self.candidates[base_names].log_z + gain
             self.candidates[names] = evidence.Candidate(names, log_z, float("nan"), False)
 
     def refit(self, names, start=()):
@@ -69,18 +69,18 @@ class Search:
         if names in self.failed:
             self.candidates.pop(names, None)
             return False
-        known = self.candidates.get(names)
-        if known is not None and known.refitted:
+        candidate = self.candidates.get(names)
+        if candidate is not None and candidate.refitted:
             return True
         if self.progress:
             self.progress(f"refitting {' + '.join(names)}", 0, 1)
-        found = refit(self.candidates[start].fit, names, self.table)
-        why = found.failed or _unseen(found) or _unphysical(found)
+        new_fit = refit(self.candidates[start].fit, names, self.table)
+        why = new_fit.failed or _unseen(new_fit) or _unphysical(new_fit)
         if why:
             self.failed[names] = why
             self.candidates.pop(names, None)
             return False
-        self._keep(names, found)
+        self._add_candidate(names, new_fit)
         return True
 
     def score(self, names):
@@ -112,10 +112,10 @@ class Search:
         singles = evidence.best_sets(ranking, pool, self.base.model.problem, 1, len(pool), self.priors)
         for gain, names in singles:
             self._linear(names, gain, ())
-        done = 0
+        refits = 0
         for _, names in singles[:MOST_TRIES]:
-            done += self.refit(names)
-            if done == REFITS:
+            refits += self.refit(names)
+            if refits == REFITS:
                 break
         self._settle()
         for level in range(1, max_laws):
@@ -136,13 +136,13 @@ class Search:
 
     def _grow(self, best, ranking, pool):
         """Refit sets with one law more than `best`, and their subsets; False if it is adequate and no more law pays."""
-        rest = tuple(n for n in pool if n not in best)
-        if not rest:
+        remaining = tuple(n for n in pool if n not in best)
+        if not remaining:
             return False
         fit = self.candidates[best].fit
-        after = rank(fit, rest, self.table.at(fit, rest))
-        seen = [n for n in after.names if n not in after.hidden]
-        forward = evidence.best_sets(after, seen, fit.model.problem, 1, REFITS, self.priors)
+        after = rank(fit, remaining, self.table.signature_columns(fit, remaining))
+        visible = [n for n in after.names if n not in after.hidden]
+        forward = evidence.best_sets(after, visible, fit.model.problem, 1, REFITS, self.priors)
         worth = bool(forward) and forward[0][0] + evidence.log_prior(forward[0][1], self.priors) > WORTH
         if self.is_adequate(best) and not worth:
             return False

@@ -19,7 +19,7 @@ SURE = 0.9  # chance with which the alarm after the fit would see the remainder
 CHUNK = 20_000  # sets at a time
 
 
-def seen(laws, level):
+def detection_limit(laws, level):
     """Sigmas of a remainder that the scores of `laws` laws show at `level` with the chance SURE."""
     return float(norm.isf(level / (2 * laws)) + norm.ppf(SURE))
 
@@ -31,9 +31,9 @@ def _explained(cosines, size, minor):
     sets = itertools.combinations(range(count), size)
     while chunk := list(itertools.islice(sets, CHUNK)):
         s = np.array(chunk)
-        own = cosines[s[:, :, None], s[:, None, :]]
-        good = np.linalg.det(own) > DEGENERATE
-        inverse = np.linalg.inv(np.where(good[:, None, None], own, np.eye(size)))
+        set_cosines = cosines[s[:, :, None], s[:, None, :]]
+        good = np.linalg.det(set_cosines) > DEGENERATE
+        inverse = np.linalg.inv(np.where(good[:, None, None], set_cosines, np.eye(size)))
         inflation = np.diagonal(inverse, axis1=1, axis2=2)
         good &= np.all(inflation < INFLATED, axis=1)
         c = inverse @ cosines[s]

@@ -56,10 +56,10 @@ def cauchy(p, draws):
     return float(np.clip(0.5 - np.arctan(np.mean(np.tan((0.5 - p) * np.pi))) / np.pi, 0.0, 1.0))
 
 
-def _test(looks, observed, null):
+def _test(statistics, observed, null):
     p, p_global = ranks(observed, null)
-    named = {name: float(v) for name, v in zip(looks.names, p)}
-    return Test(named, p_global, null.shape[1], {n: float(v) for n, v in zip(looks.names, observed)})
+    named = {name: float(v) for name, v in zip(statistics.names, p)}
+    return Test(named, p_global, null.shape[1], {n: float(v) for n, v in zip(statistics.names, observed)})
 
 
 def declared_draws(space, count, rng):
@@ -70,13 +70,13 @@ def declared_draws(space, count, rng):
     )
 
 
-def null_statistics(looks, projection, draw, draws, rng):
+def null_statistics(statistics, projection, draw, draws, rng):
     """(statistics, draws) of noise pushed through the projection of the fit, priors drawn too."""
-    found = []
+    parts = []
     for count in batches(draws, projection.rows):
         prior = rng.normal(size=(projection.priors, count))
-        found.append(looks.evaluate(projection.full(draw(count), prior)))
-    return np.concatenate(found, axis=1)
+        parts.append(statistics.evaluate(projection.project_all(draw(count), prior)))
+    return np.concatenate(parts, axis=1)
 
 
 def rotation_test(space, rankings, fit, draws, rng):
@@ -90,14 +90,14 @@ def rotation_test(space, rankings, fit, draws, rng):
     inside = Projection(np.where(mask[:, None], space.declared(fit.jacobian), 0.0), fit.model.prior_columns())
     z = np.where(mask, space.declared(fit.z), 0.0)
     laws = all_laws(space.problem)
-    own = {
+    group_rankings = {
         label: rank(fit, r.names, np.where(mask[:, None], space.declared(r.signatures), 0.0), inside, z)
         for label, r in rankings.items()
     }
-    looks = Statistics(space, own, laws, inside, groups)
-    left = inside.full(z[:, None], prior_z(fit)[:, None])[:, 0]
-    observed = looks.evaluate(left[:, None])[:, 0]
-    found = []
+    statistics = Statistics(space, group_rankings, laws, inside, groups)
+    residual = inside.project_all(z[:, None], prior_z(fit)[:, None])[:, 0]
+    observed = statistics.evaluate(residual[:, None])[:, 0]
+    null_parts = []
     for count in batches(draws, space.size):
         copy, mixed = np.zeros((space.size, count)), np.zeros((space.size, count))
         turns = {}
@@ -108,21 +108,26 @@ def rotation_test(space, rankings, fit, draws, rng):
             turn = rng.normal(size=(len(contrasts) + 1, count))
             turns[g] = turn / np.linalg.norm(turn, axis=0)
         prior = rng.normal(size=(inside.priors, count))
-        whole = np.concatenate([copy, prior])
-        mean = left[: space.size, None] + (whole - inside.full(copy, prior))[: space.size]
+        stacked = np.concatenate([copy, prior])
+        mean = residual[: space.size, None] + (stacked - inside.project_all(copy, prior))[: space.size]
         for g in groups:
             span, turn = space.groups[g].rows, turns[g]
             mixed[span] = turn[0] * mean[span] + space.contrasts[g].T @ turn[1:]
-        found.append(looks.evaluate(inside.full(mixed, rng.normal(size=(inside.priors, count)))))
-    return _test(looks, observed, np.concatenate(found, axis=1))
+        null_parts.append(statistics.evaluate(inside.project_all(mixed, rng.normal(size=(inside.priors, count)))))
+    return _test(statistics, observed, np.concatenate(null_parts, axis=1))
 
 
 def refined_view(fit, rankings, noise):
     """(projection, z, `Looks`, rankings) of a fit in units of the refined noise."""
     again = noise.whitener(fit.model.space)
     z, projection = again(fit.z), Projection(again(fit.jacobian), fit.model.prior_columns())
-    own = {label: rank(fit, r.names, again(r.signatures), projection, z) for label, r in rankings.items()}
-    return projection, z, Statistics(fit.model.space, own, all_laws(fit.model.problem), projection), own
+    refined_rankings = {label: rank(fit, r.names, again(r.signatures), projection, z) for label, r in rankings.items()}
+    return (
+        projection,
+        z,
+        Statistics(fit.model.space, refined_rankings, all_laws(fit.model.problem), projection),
+        refined_rankings,
+    )
 
 
 def alarms(store, fit, rankings, noise, draws, seed):
@@ -133,15 +138,15 @@ def alarms(store, fit, rankings, noise, draws, seed):
     space, prior = fit.model.space, prior_z(fit)[:, None]
     rng = np.random.default_rng([seed, 3])
     projection = Projection(fit.jacobian, fit.model.prior_columns())
-    looks = Statistics(space, rankings, all_laws(fit.model.problem), projection)
-    views = [(projection, fit.z, looks, declared_draws)]
+    statistics = Statistics(space, rankings, all_laws(fit.model.problem), projection)
+    views = [(projection, fit.z, statistics, declared_draws)]
     if noise.octaves:
-        views.append((*refined_view(fit, rankings, noise)[:3], noise.draws))
+        views.append((*refined_view(fit, rankings, noise)[:3], noise.refined_draws))
 
-    def against_null(inner, z, looks, draw):
-        observed = looks.evaluate(inner.full(z[:, None], prior))[:, 0]
-        null = null_statistics(looks, inner, lambda count: draw(space, count, rng), draws, rng)
-        return _test(looks, observed, null), null
+    def against_null(inner, z, statistics, draw):
+        observed = statistics.evaluate(inner.project_all(z[:, None], prior))[:, 0]
+        null = null_statistics(statistics, inner, lambda count: draw(space, count, rng), draws, rng)
+        return _test(statistics, observed, null), null
 
     def compute():
         declared, null = against_null(*views[0])
@@ -157,6 +162,6 @@ def alarms(store, fit, rankings, noise, draws, seed):
     key = digest(
         "alarms, priors too", draws, seed, octaves, fit.z, fit.jacobian, prior_z(fit), *arrays, fit.model.problem.hashes
     )
-    known = store.stage(key, compute)
-    tests = [None if t is None else Test(**t) for t in known["tests"]]
-    return Alarms(*tests, known["p"], not noise.octaves, np.array(known["reference"]), views[-1][2])
+    stored = store.load_or_compute(key, compute)
+    tests = [None if t is None else Test(**t) for t in stored["tests"]]
+    return Alarms(*tests, stored["p"], not noise.octaves, np.array(stored["reference"]), views[-1][2])

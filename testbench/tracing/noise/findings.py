@@ -54,23 +54,23 @@ def _merged(a, b):
     return Band(ratio, float(weight.sum() ** -0.5), a.dof + b.dof, a.first, b.last)
 
 
-def told(channel, bands, spans, tests, alpha):
+def band_findings(channel, bands, spans, tests, alpha):
     """`Finding`s of the `Band`s of a channel; spans(first, last) is what a span is called."""
-    found = []
+    merged = []
     for band in bands:
         if _p(band) * tests >= alpha or abs(band.ratio) < np.log(LEAST):
             continue
-        same = found and found[-1].last + 1 == band.first and found[-1].ratio * band.ratio > 0
-        found[-1:] = [_merged(found[-1], band)] if same else [*found[-1:], band]
+        adjacent = merged and merged[-1].last + 1 == band.first and merged[-1].ratio * band.ratio > 0
+        merged[-1:] = [_merged(merged[-1], band)] if adjacent else [*merged[-1:], band]
     out = []
-    for band in found:
+    for band in merged:
         half = t.ppf((1 + LEVEL) / 2, band.dof) * band.sd
         ratios = np.exp([band.ratio, band.ratio - half, band.ratio + half])
         out.append(Finding(channel, "frames", spans(band.first, band.last), *map(float, ratios), _p(band)))
     return out
 
 
-def of_frames(measured, model, channels, edges_hz, alpha=0.01):
+def frame_findings(measured, model, channels, edges_hz, alpha=0.01):
     """`Finding`s of powers {condition: (dwells, channels, bands)}, measured and of the model's draws."""
 
     def spans(first, last):
@@ -86,9 +86,9 @@ def of_frames(measured, model, channels, edges_hz, alpha=0.01):
         return []
     tests, out = len(channels) * (len(edges_hz) - 1), []
     pairs = [[np.log(np.asarray(of[g])) / 2 for of in (measured, model)] for g in groups]
-    left = np.concatenate([v - v.mean(axis=0) for pair in pairs for v in pair])
-    dof = len(left) - 2 * len(groups)
-    scatter = (left**2).sum(axis=0) / dof
+    deviations = np.concatenate([v - v.mean(axis=0) for pair in pairs for v in pair])
+    dof = len(deviations) - 2 * len(groups)
+    scatter = (deviations**2).sum(axis=0) / dof
     each = np.array([a.mean(axis=0) - b.mean(axis=0) for a, b in pairs])
     # of single conditions, each with the noise of its own dwells and draws
     share = np.mean([1 / len(a) + 1 / len(b) for a, b in pairs]) / len(pairs)
@@ -97,11 +97,11 @@ def of_frames(measured, model, channels, edges_hz, alpha=0.01):
             Band(float(each[:, i, k].mean()), float(np.sqrt(scatter[i, k] * share)), dof, k, k)
             for k in range(len(edges_hz) - 1)
         ]
-        out += told(channel, bands, spans, tests, alpha)
+        out += band_findings(channel, bands, spans, tests, alpha)
     return out
 
 
-def of_repeats(noise, alpha=0.01):
+def repeat_findings(noise, alpha=0.01):
     """`Finding`s of the octaves of a `noise.Noise`."""
     out = []
     for o in noise.octaves:

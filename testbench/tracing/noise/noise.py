@@ -52,10 +52,10 @@ class Noise(NamedTuple):
         """(blocks, length, ...) of values[octave] at every DCT coefficient."""
         level, of = bands(stack.rows.shape[1]), {}
         for name in set(stack.observables):
-            known = [o for o in self.octaves if o.observable == name]
+            octaves = [o for o in self.octaves if o.observable == name]
             row = np.full((len(level), *np.shape(empty)), empty)
-            for o in known:
-                row[(level >= o.first) & ((level <= o.last) | (o is known[-1]))] = values[o]
+            for o in octaves:
+                row[(level >= o.first) & ((level <= o.last) | (o is octaves[-1]))] = values[o]
             of[name] = row
         return np.stack([of[name] for name in stack.observables])
 
@@ -65,17 +65,17 @@ class Noise(NamedTuple):
         factor = {o: o.f**power for o in self.octaves}
         table = [self._rows(stack, factor, 1.0) for stack in parts]
 
-        def whiten(v):
+        def rewhiten(v):
             queue = iter(table)
             return multiply(parts, v, lambda stack: next(queue))
 
-        return whiten
+        return rewhiten
 
-    def draws(self, space, count, rng):
+    def refined_draws(self, space, count, rng):
         """(rows, count) draws of a residual in refined units: t-distributed per octave."""
-        return self.refined().spread(space, rng.normal(size=(space.size, count)), rng)
+        return self.refined().scale_octaves(space, rng.normal(size=(space.size, count)), rng)
 
-    def spread(self, space, draws, rng):
+    def scale_octaves(self, space, draws, rng):
         """Draws (rows, count) of unit variance, each with octaves as loud as they may be for all that repeats tell."""
         parts, count = stacks(space), draws.shape[1]
         scale = {o: np.sqrt(o.f * o.dof / rng.chisquare(o.dof, size=count)) for o in self.octaves}
@@ -94,7 +94,7 @@ class Noise(NamedTuple):
 
 def _squares(spaces):
     """{(observable, octave): (sum of squares, number)} of all contrasts."""
-    found = {}
+    sums = {}
     for space in spaces:
         repeated = {g for g, c in enumerate(space.contrasts) if len(c)}
         for stack in stacks(space, repeated):
@@ -104,18 +104,18 @@ def _squares(spaces):
                 spectrum = dct(space.contrasts[g][:, stack.rows[i] - start], axis=1, norm="ortho") ** 2
                 for octave in range(level.max() + 1):
                     chosen = spectrum[:, level == octave]
-                    s, n = found.get((name, octave), (0.0, 0))
-                    found[name, octave] = (s + float(chosen.sum()), n + chosen.size)
-    return found
+                    s, n = sums.get((name, octave), (0.0, 0))
+                    sums[name, octave] = (s + float(chosen.sum()), n + chosen.size)
+    return sums
 
 
-def _joined(found):
+def _merge_octaves(sums):
     """(observable, first, last, sum, number) with at least LEAST squares each where there are as many."""
     out = []
-    for name in sorted({n for n, _ in found}):
+    for name in sorted({n for n, _ in sums}):
         pending = None
-        for octave in sorted(o for n, o in found if n == name):
-            s, n = found[name, octave]
+        for octave in sorted(o for n, o in sums if n == name):
+            s, n = sums[name, octave]
             pending = (
                 (octave, octave, s, n) if pending is None else (pending[0], octave, pending[2] + s, pending[3] + n)
             )
@@ -150,9 +150,9 @@ def _trust(joined):
     return float(np.clip(2.0 / (max(scatter, 0.0) + error), LEAST_TRUST, MOST_TRUST))
 
 
-def study(spaces, rng, alpha=0.01, draws=400, judge=True):
+def study_noise(spaces, rng, alpha=0.01, draws=400, judge=True):
     """`Noise` of spaces; `judge` False if the declared noise was itself made from these repeats: no test then."""
-    joined = _joined(_squares(spaces))
+    joined = _merge_octaves(_squares(spaces))
     dof = int(sum(n for *_, n in joined))
     trust = _trust(joined)
     octaves = _octaves(joined, trust)

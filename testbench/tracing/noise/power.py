@@ -47,24 +47,24 @@ class Power:
         self.crit = threshold(alarms.reference, self.alpha)
         self.rng = np.random.default_rng([seed, 5])
         # projection and rankings in the units of the alarm
-        self.projection, self.own = Projection(base.jacobian, base.model.prior_columns()), rankings
+        self.projection, self.alarm_rankings = Projection(base.jacobian, base.model.prior_columns()), rankings
         if not alarms.model_based:
-            self.projection, _, _, self.own = refined_view(base, rankings, noise)
+            self.projection, _, _, self.alarm_rankings = refined_view(base, rankings, noise)
 
     def _draw(self, count):
         if self.alarms.model_based:
             return declared_draws(self.space, count, self.rng)
-        return self.noise.draws(self.space, count, self.rng)
+        return self.noise.refined_draws(self.space, count, self.rng)
 
     def _projected(self, noise):
         """TRIALS draws as a fit leaves them, priors drawn too."""
-        return self.projection.full(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
+        return self.projection.project_all(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
 
     def smallest(self):
         """{law: {d, value, unit}}: effects that this record would have shown with 90 %."""
         draws, looked = self._projected(self._draw(TRIALS)), self.alarms.looks.names
         out = {}
-        for label, ranking in self.own.items():
+        for label, ranking in self.alarm_rankings.items():
             null = np.sort(self.alarms.reference[looked.index(label)]) if label in looked else None
             base = self.rankings[label]
             for i, name in enumerate(ranking.names):
@@ -78,13 +78,13 @@ class Power:
                 out[name] = {"d": float(value * base.length[i]), "value": float(value), "unit": law.unit}
         return out
 
-    def checked(self, smallest):
+    def check_detection(self, smallest):
         """Share of pseudo-experiments at d_90 that ring, for the law seen best: {law, trials, rang, ci}."""
-        known = [(row["d"], name) for name, row in smallest.items() if row["d"] is not None]
-        if not known:
+        detectable = [(row["d"], name) for name, row in smallest.items() if row["d"] is not None]
+        if not detectable:
             return None
-        _, name = min(known)
-        (ranking,) = [r for r in self.own.values() if name in r.names]
+        _, name = min(detectable)
+        (ranking,) = [r for r in self.alarm_rankings.values() if name in r.names]
         signal = ranking.signatures[:, ranking.index(name)] * smallest[name]["value"]
         side = -1.0 if self.laws[name].sign < 0 else 1.0
         noise = self._draw(TRIALS) + side * signal[:, None]
@@ -101,18 +101,18 @@ class Power:
         else:
             for _ in range(TRIALS):
                 rang += self._pseudo_null() <= self.crit
-        found = {"trials": TRIALS, "rang": int(rang), "rate": rang / TRIALS, "alpha": self.alpha}
-        return found | {"ci": clopper_pearson(int(rang), TRIALS)}
+        rate = {"trials": TRIALS, "rang": int(rang), "rate": rang / TRIALS, "alpha": self.alpha}
+        return rate | {"ci": clopper_pearson(int(rang), TRIALS)}
 
     def _pseudo_null(self):
         """Smallest p of one simulated record without any effect, octaves estimated from its own contrasts."""
         space, fit = copy.copy(self.space), self.base
         space.contrasts = [self.rng.normal(size=c.shape) for c in space.contrasts]
-        known = noises.study([space], self.rng, judge=False)
-        projection, _, looks, _ = refined_view(fit, self.rankings, known)
+        simulated_noise = noises.study_noise([space], self.rng, judge=False)
+        projection, _, statistics, _ = refined_view(fit, self.rankings, simulated_noise)
         prior = self.rng.normal(size=(projection.priors, 1))
-        left = projection.full(known.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
-        return float(smallest_p(self.alarms.reference, looks.evaluate(left))[0])
+        residual = projection.project_all(simulated_noise.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
+        return float(smallest_p(self.alarms.reference, statistics.evaluate(residual))[0])
 
 
 def _statistic_at(null, p):

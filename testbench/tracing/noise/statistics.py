@@ -32,15 +32,15 @@ class Statistics:
         self.chosen = [g for g in range(len(space.groups)) if groups is None or g in groups]
         self.scores = {}
         for label, ranking in rankings.items():
-            kept = ranking.length > 0
-            if kept.any():
-                sign = np.array([laws[name].sign for name in ranking.names])[kept]
-                self.scores[label] = ((ranking.signatures[:, kept] / ranking.length[kept]).T, sign)
+            visible = ranking.length > 0
+            if visible.any():
+                sign = np.array([laws[name].sign for name in ranking.names])[visible]
+                self.scores[label] = ((ranking.signatures[:, visible] / ranking.length[visible]).T, sign)
         self.observables = sorted({b.observable for b in space.blocks})
         self.members = [
-            np.concatenate([np.arange(b.rows.start, b.rows.stop) for b in found])
+            np.concatenate([np.arange(b.rows.start, b.rows.stop) for b in blocks])
             for o in self.observables
-            if (found := [b for b in space.blocks if b.observable == o and b.group in set(self.chosen)])
+            if (blocks := [b for b in space.blocks if b.observable == o and b.group in set(self.chosen)])
         ]
         self.drivers = self._drivers()
         self.names = ["chi2", *self.scores, "group", "observable"]
@@ -67,7 +67,7 @@ class Statistics:
 
     def evaluate(self, e):
         """(statistics, draws) of projected residuals (rows and priors, draws)."""
-        e, below = e[: self.space.size], e[self.space.size :]
+        e, pulls = e[: self.space.size], e[self.space.size :]
         square = e * e
         out = [square.sum(axis=0)]
         for u, sign in self.scores.values():
@@ -82,10 +82,10 @@ class Statistics:
             out.append(self._condition(e))
         for name, least, measure in (("cusum", SHORT, _cusum), ("line", LINES, _line)):
             if name in self.names:
-                found = [measure(e[stack.rows]) for stack in self.parts if stack.rows.shape[1] >= least]
-                out.append(np.max(found, axis=0))
+                maxima = [measure(e[stack.rows]) for stack in self.parts if stack.rows.shape[1] >= least]
+                out.append(np.max(maxima, axis=0))
         if "prior" in self.names:
-            out.append(np.max(np.abs(below[self.pulled]) / self.spread, axis=0))
+            out.append(np.max(np.abs(pulls[self.pulled]) / self.spread, axis=0))
         return np.array(out)
 
     def _whiteness(self, e, square):
@@ -139,16 +139,16 @@ def tail_p(values, null):
     if high > low:
         most, least = (1 - t for t in TAIL)
         rate = np.log(most / least) / (high - low)
-        beyond = least * np.exp(-rate * np.clip(values - high, 0.0, 600.0 / rate))
-        p = np.where(values > high, beyond, np.maximum(p, least))
+        tail = least * np.exp(-rate * np.clip(values - high, 0.0, 600.0 / rate))
+        p = np.where(values > high, tail, np.maximum(p, least))
     return np.maximum(p, 1e-300)
 
 
 def ranks(observed, null):
     """(p of each statistic, global p): `observed` (statistics,), `null` (statistics, draws) under the same law."""
-    whole = np.concatenate([observed[:, None], null], axis=1)
-    p = np.empty(whole.shape)
-    for i, row in enumerate(whole):
+    values = np.concatenate([observed[:, None], null], axis=1)
+    p = np.empty(values.shape)
+    for i, row in enumerate(values):
         p[i] = tail_p(row, row)
     smallest = p.min(axis=0)
     return p[:, 0], float(np.mean(smallest <= smallest[0]))

@@ -55,11 +55,11 @@ class Store:
             except OSError as problem:
                 raise FileError(f"{path}: no folder for checkpoints: {problem.strerror}") from None
 
-    def _file(self, key, ending):
+    def _entry_path(self, key, ending):
         return self.path / key[:2] / (key + ending)
 
     def _write(self, key, ending, data):
-        target = self._file(key, ending)
+        target = self._entry_path(key, ending)
         refuse_foreign_links(target.parent)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ class Store:
 
     def _read(self, key, ending):
         """Bytes that were written under this key; FileError if there are none, or others."""
-        path = self._file(key, ending)
+        path = self._entry_path(key, ending)
         data = inputs.read_bytes(path)
         body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
         if seal != _seal(key, body):
@@ -99,14 +99,14 @@ class Store:
     def save_arrays(self, key, arrays):
         """Keep the arrays of a point, or the reason (str) why it failed."""
         if self.path is not None:
-            named = (
+            arrays_by_name = (
                 {"failed": np.array(arrays)} if isinstance(arrays, str) else {f"a{i}": a for i, a in enumerate(arrays)}
             )
             buffer = io.BytesIO()
-            np.savez(buffer, **named)
+            np.savez(buffer, **arrays_by_name)
             self._write(key, ".npz", buffer.getvalue())
 
-    def stage(self, key, compute):
+    def load_or_compute(self, key, compute):
         """Result of `compute()`, JSON-able, from the store if it is there."""
         if self.path is None:
             return compute()

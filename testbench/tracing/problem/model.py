@@ -66,9 +66,9 @@ class Model:
             out.append(n.step or natural * (1.0 if linear else DEFAULT_STEP))
             fixed.append(bool(n.step) or linear)
         for law in self.laws:
-            step, kept = law_step(law, self.problem)
+            step, prescribed = law_step(law, self.problem)
             out.append(step)
-            fixed.append(kept)
+            fixed.append(prescribed)
         return np.array(out), np.array(fixed, bool)
 
     def shifted(self, point, column, step):
@@ -110,15 +110,15 @@ def tangents(space, predictor, prediction, point_at, steps, fixed):
     for attempt in range(4):
         if not todo:
             break
-        found = predictor([point_at(j, steps[j]) for j in todo], space.which)
+        predictions = predictor([point_at(j, steps[j]) for j in todo], space.which)
         again = []
-        for j, other in zip(todo, found):
+        for j, other in zip(todo, predictions):
             if isinstance(other, Failed):
                 if attempt < 3:
                     steps[j] *= -0.1 if not fixed[j] else 0.1
                     again.append(j)
                 continue
-            change = space.change(other, prediction)
+            change = space.whitened_change(other, prediction)
             size = np.linalg.norm(change)
             out[:, j] = change / steps[j]
             if not fixed[j] and attempt < 3 and not SMALL <= size <= LARGE:

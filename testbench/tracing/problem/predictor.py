@@ -24,7 +24,7 @@ class Predictor:
     def __init__(self, problem, store=None, progress=None):
         self.problem, self.store, self.progress = problem, store or Store(), progress
         self.asked, self.text = 0, "predicting"
-        self._kept = OrderedDict()
+        self._memory = OrderedDict()
         self._identity = digest(problem.name, problem.hashes)
 
     def _key(self, theta, effects, which):
@@ -38,25 +38,25 @@ class Predictor:
         keys = [self._key(theta, effects, which) for theta, effects in points]
         self.asked += len(keys)
         for key in keys:
-            if key not in self._kept:
-                known = self.store.load_arrays(key)
-                if known is not None:
-                    self._keep(key, Failed(known) if isinstance(known, str) else known)
-        held = {key: self._kept[key] for key in keys if key in self._kept}
-        missing = {key: point for key, point in zip(keys, points) if key not in held}
+            if key not in self._memory:
+                stored = self.store.load_arrays(key)
+                if stored is not None:
+                    self._remember(key, Failed(stored) if isinstance(stored, str) else stored)
+        results = {key: self._memory[key] for key in keys if key in self._memory}
+        missing = {key: point for key, point in zip(keys, points) if key not in results}
         if missing:
             if self.progress:
                 self.progress(self.text, 0, len(missing))
             for key, result in zip(missing, self._compute(list(missing.values()), which)):
                 self.store.save_arrays(key, result.reason if isinstance(result, Failed) else result)
-                self._keep(key, result)
-                held[key] = result
-        return [held[key] for key in keys]
+                self._remember(key, result)
+                results[key] = result
+        return [results[key] for key in keys]
 
-    def _keep(self, key, result):
-        self._kept[key] = result
-        while len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
+    def _remember(self, key, result):
+        self._memory[key] = result
+        while len(self._memory) > KEPT:
+            self._memory.popitem(last=False)
 
     def _compute(self, points, which):
         try:
@@ -65,15 +65,15 @@ class Predictor:
             if len(points) == 1:
                 return [Failed(str(problem) or "prediction failed")]
             return [self._compute([point], which)[0] for point in points]
-        return [self._checked(arrays, which) for arrays in found]
+        return [self._check_arrays(arrays, which) for arrays in found]
 
-    def _checked(self, arrays, which):
+    def _check_arrays(self, arrays, which):
         arrays = [np.asarray(a, float) for a in arrays]
         for a, k in zip(arrays, which, strict=True):
-            wanted = np.shape(self.problem.measured(k))
-            if a.shape != wanted:
+            shape = np.shape(self.problem.segment_features(k))
+            if a.shape != shape:
                 name = self.problem.segments[k].name
-                raise ConfigError(f"segment {name}: predicted {a.shape} features, measured {wanted}")
+                raise ConfigError(f"segment {name}: predicted {a.shape} features, measured {shape}")
             if not np.all(np.isfinite(a)):
                 return Failed("not finite")
         return arrays

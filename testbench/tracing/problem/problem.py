@@ -112,20 +112,20 @@ class Problem:
         super().__init_subclass__(**more)
         cls._members = cls._members.union(adds.split(), (n for n in dir(Problem) if not n.startswith("_")))
         for name in vars(cls):
-            cls._refuse(name, TypeError)
+            cls._check_member(name, TypeError)
 
     def __setattr__(self, name, value):
-        self._refuse(name, AttributeError)
+        self._check_member(name, AttributeError)
         super().__setattr__(name, value)
 
     @classmethod
-    def _refuse(cls, name, error):
+    def _check_member(cls, name, error):
         if not name.startswith("_") and name not in cls._members:
             near = difflib.get_close_matches(name, cls._members, 1)
             hint = f"; did you mean {near[0]}?" if near else ", nor named in adds"
             raise error(f"{cls.__name__}.{name} is no member of a problem{hint}")
 
-    def measured(self, k):
+    def segment_features(self, k):
         """Features of segment k, (n,)."""
         raise NotImplementedError
 
@@ -145,7 +145,7 @@ class Problem:
         """(n, count) draws of the noise of segment k."""
         return np.stack([self.noise_draw(k, rng) for _ in range(count)], axis=1)
 
-    def floor(self, k):
+    def repeatability_rms(self, k):
         """{observable: rms of segment k's repeatability}."""
         raise NotImplementedError
 
@@ -157,7 +157,7 @@ class Problem:
         """`PortForce`s at a point; None: discovery takes the whitened residual."""
         return None
 
-    def unsupported(self, law):
+    def unsupported_reason(self, law):
         """Why no data of these segments can support what a law says, whatever its size; "" if they can."""
         return ""
 
@@ -179,7 +179,7 @@ def all_laws(problem):
     return {law.name: law for law in (*problem.laws, *problem.library)}
 
 
-def same_laws(problem, names):
+def duplicate_laws(problem, names):
     """{law: the first of `names` that is the same law in other parameters}."""
     laws, first = all_laws(problem), {}
     known = [(name, laws[name].same) for name in names if laws[name].same]
@@ -208,12 +208,12 @@ def check(problem):
             raise ConfigError(f"law {law.name}: limits {law.low} .. {law.high} {law.unit}: 0 is outside")
     if not any(s.role == "fit" for s in problem.segments):
         raise ConfigError(f"{problem.name}: no segment with the role fit")
-    seen = {}
+    group_shapes = {}
     for k, s in enumerate(problem.segments):
         if s.role not in ("fit", "validate"):
             raise ConfigError(f"segment {s.name}: role {s.role}: fit or validate")
-        y = np.asarray(problem.measured(k))
+        y = np.asarray(problem.segment_features(k))
         if y.ndim != 1 or not len(y) or not np.all(np.isfinite(y)):
             raise ConfigError(f"segment {s.name}: features must be finite and one-dimensional, shape {y.shape}")
-        if seen.setdefault(s.group, (len(y), s.role)) != (len(y), s.role):
+        if group_shapes.setdefault(s.group, (len(y), s.role)) != (len(y), s.role):
             raise ConfigError(f"segment {s.name}: repeats of group {s.group} differ in role or number of features")

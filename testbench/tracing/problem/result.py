@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 
-def plain(value):
+def plain_value(value):
     """Python numbers, lists and dicts of anything; what is not finite becomes None."""
     if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(k): plain_value(v) for k, v in value.items()}
     if isinstance(value, (list, tuple, frozenset, set)):
-        return [plain(v) for v in (sorted(value) if isinstance(value, (set, frozenset)) else value)]
+        return [plain_value(v) for v in (sorted(value) if isinstance(value, (set, frozenset)) else value)]
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return plain_value(value.tolist())
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):
@@ -58,7 +58,7 @@ class Result:
 
     def to_json(self):
         """Plain dictionary, ready for `json.dumps(..., allow_nan=False)`."""
-        return plain(asdict(self))
+        return plain_value(asdict(self))
 
     def text(self):
         return json.dumps(self.to_json(), indent=1, sort_keys=True, allow_nan=False) + "\n"

@@ -33,12 +33,12 @@ class Group(NamedTuple):
     rows: slice  # in the stacked vector
 
 
-def _blocks(problem, k, rows, group, start):
+def _group_blocks(problem, k, rows, group, start):
     segment = problem.segments[k]
-    named = problem.whitened_rows(k)
-    if named is not None:
-        return [Block(group, o, slice(start + s.start, start + s.stop)) for o, s in named.items()]
-    features = len(problem.measured(k))
+    observable_rows = problem.whitened_rows(k)
+    if observable_rows is not None:
+        return [Block(group, o, slice(start + s.start, start + s.stop)) for o, s in observable_rows.items()]
+    features = len(problem.segment_features(k))
     covered = sum(len(range(*o.rows.indices(features))) for o in segment.observables)
     if rows == features == covered and all(o.rows.step in (None, 1) for o in segment.observables):
         spans = [(o.name, *o.rows.indices(features)[:2]) for o in segment.observables]
@@ -72,10 +72,10 @@ class Space:
                 members.setdefault(s.group, []).append(k)
         self.groups, self.blocks, self.contrasts, self._means, start = [], [], [], [], 0
         for name, ks in members.items():
-            y = np.stack([np.asarray(problem.measured(k), float) for k in ks])
+            y = np.stack([np.asarray(problem.segment_features(k), float) for k in ks])
             mean = self.whitened(ks[0], y.mean(axis=0))
             rows = slice(start, start + len(mean))
-            self.blocks += _blocks(problem, ks[0], len(mean), len(self.groups), start)
+            self.blocks += _group_blocks(problem, ks[0], len(mean), len(self.groups), start)
             self.groups.append(Group(name, dict(problem.segments[ks[0]].condition), tuple(ks), rows))
             self._means.append(y.mean(axis=0))
             if len(ks) > 1:
@@ -100,9 +100,9 @@ class Space:
 
     def residual(self, prediction):
         """Stacked z of a prediction (list of arrays, one per group)."""
-        return self.change(self._means, prediction)
+        return self.whitened_change(self._means, prediction)
 
-    def change(self, prediction, other):
+    def whitened_change(self, prediction, other):
         """Stacked whitened difference prediction - other: a column of a Jacobian before division."""
         parts = [
             w * self.whitened(g.members[0], a - b) for g, w, a, b in zip(self.groups, self.weights, prediction, other)

@@ -21,8 +21,8 @@ class Other(NamedTuple):
     c: doubles(1)
 
 
-AT = arena.places(Record, (3, 5))
-BEHIND = arena.places(Other, AT.sizes)
+AT = arena.record_layout(Record, (3, 5))
+BEHIND = arena.record_layout(Other, AT.sizes)
 opened, opened_behind = AT.opened, BEHIND.opened
 
 

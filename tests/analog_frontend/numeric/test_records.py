@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.numeric.records import Kind, split, taken
+from analog_frontend.numeric.records import Kind, split, unpack_record
 from fpga_model.jit import hot
 
 
@@ -24,7 +24,7 @@ RECORD = Outer(3, (1.5, 7), Inner(-2.25, 9))
 
 @hot
 def weighed(kind, ints, floats):
-    r = taken(kind, ints, floats)
+    r = unpack_record(kind, ints, floats)
     return r.a * 1000.0 + r.pair[1] * 100.0 + r.inner.n + r.pair[0] * r.inner.x
 
 

@@ -24,7 +24,7 @@ def play(p, s, at_start, at_end, codes, ready):
     row = 0
     for k in range(at_start.size):
         out[:4], out[4:] = at_start[k], at_end[k]
-        clock = adc.block(p, s.clock, s.sums, out, 1, at_start[k])
+        clock = adc.convert_block(p, s.clock, s.sums, out, 1, at_start[k])
         if clock >= 0:
             ready[row] = 26 * k + clock
             for c in range(5):
@@ -221,7 +221,7 @@ def falls(p, s, ticks, ready):
     out = np.zeros(8)
     row = 0
     for k in range(ticks):
-        clock = adc.block(p, s.clock, s.sums, out, 1, 0.0)
+        clock = adc.convert_block(p, s.clock, s.sums, out, 1, 0.0)
         if clock >= 0:
             if row < ready.size:
                 ready[row] = 26 * k + clock
@@ -285,7 +285,7 @@ def play_blocks(p, s, out, cuts, codes, ready):
     row, tick = 0, 0
     for n in cuts:
         before = adc.clocks_to_ready(p, s.clock, 0)
-        clock = adc.block(p, s.clock, s.sums, out[4 * tick :], n, 0.1)
+        clock = adc.convert_block(p, s.clock, s.sums, out[4 * tick :], n, 0.1)
         if clock >= 0:
             if clock != before:
                 return -1

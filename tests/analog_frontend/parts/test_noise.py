@@ -50,7 +50,7 @@ def fine(p, first, out):
 @kernel
 def fill(p, first, out):
     for k in range(out.size):
-        out[k] = noise.white(p, first + k)
+        out[k] = noise.white_sample(p, first + k)
 
 
 @kernel
@@ -60,7 +60,7 @@ def fill_rows(p, q, counter, stride, out, first, second, n):
 
 @kernel
 def fill_held(p, q, tick, out, first, second, n):
-    noise.fill_held(p, q, tick, out, first, second, n)
+    noise.fill_hold_rows(p, q, tick, out, first, second, n)
 
 
 @kernel
@@ -70,12 +70,12 @@ def held_blocks(p, q, tick, out, others, n):
     wrong = 0
     for begin in range(0, out.size, n):
         count = min(n, out.size - begin)
-        noise.fill_held(p, q, tick + begin, w, linear.STRIDE, 2 * linear.STRIDE, count)
+        noise.fill_hold_rows(p, q, tick + begin, w, linear.STRIDE, 2 * linear.STRIDE, count)
         for t in range(count):
             out[begin + t] = w[linear.STRIDE + t]
             others[begin + t] = w[2 * linear.STRIDE + t]
-            wrong += noise.held(p, tick + begin + t) != out[begin + t]
-            wrong += noise.held(q, tick + begin + t) != others[begin + t]
+            wrong += noise.hold_sample(p, tick + begin + t) != out[begin + t]
+            wrong += noise.hold_sample(q, tick + begin + t) != others[begin + t]
     return wrong
 
 
@@ -99,7 +99,7 @@ def test_words_are_the_documented_rounds_and_a_permutation(key0, key1, counter):
 def test_numbers_are_scaled_sums(key0, key1, counter):
     for half, word in enumerate(naive.noise_words(key0, key1, counter)):
         total = sum(word.to_bytes(4, "big")) - 510
-        assert noise.white(noise.Source(key0, key1, 1.0, 1, half), counter) == float(total) * noise.IH4_SCALE
+        assert noise.white_sample(noise.Source(key0, key1, 1.0, 1, half), counter) == float(total) * noise.IH4_SCALE
     s12 = naive.noise_sum(key0, key1, [3 * counter + k for k in range(3)])
     assert noise.ih12(key0, key1, counter) == float(s12) * noise.IH12_SCALE
 
@@ -119,8 +119,8 @@ def test_filled_rows_have_the_bits_of_single_samples():
     for p_now, q_now in ((p, q), (p._replace(on=0), q), (p, q._replace(on=0)), (p._replace(on=0), q._replace(on=0))):
         out = np.full(64, 7.0)
         fill_rows(p_now, q_now, first, 6, out, 5, 35, 24)
-        assert out[5:29].tolist() == [noise.white(p_now, first + 6 * k) for k in range(24)]
-        assert out[35:59].tolist() == [noise.white(q_now, first + 6 * k) for k in range(24)]
+        assert out[5:29].tolist() == [noise.white_sample(p_now, first + 6 * k) for k in range(24)]
+        assert out[35:59].tolist() == [noise.white_sample(q_now, first + 6 * k) for k in range(24)]
         assert set(out[:5]) | set(out[29:35]) | set(out[59:]) == {7.0}
 
 
@@ -164,7 +164,7 @@ def test_a_frame_is_a_whole_number_of_holds_and_a_row_has_room():
 def test_off_is_exactly_zero():
     for p in (noise.source(1, "cv_x", 1.0, on=0), noise.source(1, "cv_x", 0.0)):
         assert p.on == 0
-        assert (noise.white(p, 3), noise.white_fine(p, 3)) == (0.0, 0.0)
+        assert (noise.white_sample(p, 3), noise.white_fine(p, 3)) == (0.0, 0.0)
     f = noise.flicker(1, "flicker_0", 37e-9, on=0)
     state = noise.flicker_reset(f)
     assert noise.flicker_step(f, state, 0) == 0.0

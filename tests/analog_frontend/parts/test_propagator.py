@@ -347,7 +347,7 @@ def test_temperature_moves_the_tables():
     assert cold.kxy_n_per_m < 0.0561 < warm.kxy_n_per_m
     assert warm.drive_gain_v_per_m == GAINS[0] * (1.0 + 7e-4 * 25.0)
     assert warm.ina_s > cold.ina_s
-    moved = device.make(**thermal.at_temperature(DEVICES[0], 50.0)._asdict())
+    moved = device.make(**thermal.device_at_temperature(DEVICES[0], 50.0)._asdict())
     same = propagator.build(moved, 25.0, lambda d, c, _t: chain(d, c, 50.0))
     assert (same.g_jet == warm.g_jet).all()
 
@@ -380,7 +380,7 @@ def test_knots_cover_the_range_and_contain_the_corner(knots):
 
 def test_k_xy_is_exact_between_knots(knots):
     for temp in (24.9, 25.2):
-        expected = thermal.at_temperature(DEVICES[0], temp).kxy_n_per_m
+        expected = thermal.device_at_temperature(DEVICES[0], temp).kxy_n_per_m
         assert between(knots, temp).kxy_n_per_m == pytest.approx(expected, rel=4 * 2.0**-52)
 
 
@@ -465,7 +465,7 @@ def test_the_ring_diode_is_asked_with_the_device(on):
         (32e-12, 1e-7, plant.drive_gain_v_per_m, plant.drive_ring_s),
         (50e-12, 2e-7, plant.sense_gain_v_per_m, plant.sense_ring_s),
     ):
-        ring = ring_diode.ring(6.0, 8e6 * (1.0 + 500.0 * 1e-6), 2e-12, 3e-12, cref, ring_diode.HSMS_282X, at)
+        ring = ring_diode.diode_ring(6.0, 8e6 * (1.0 + 500.0 * 1e-6), 2e-12, 3e-12, cref, ring_diode.HSMS_282X, at)
         assert gain == pytest.approx(ring.gain_v_per_f * slope, rel=1e-15)
         assert pole == pytest.approx(ring.tau_s, rel=1e-15)
     assert plant.ina_s == pytest.approx(5 / (2 * math.pi * 10.3e6 * (1 - 0.002 * 15.0)), rel=1e-15)

@@ -36,7 +36,7 @@ def harmonic(times, volts, start, period, k):
 @pytest.mark.slow
 @pytest.mark.parametrize("temp_degc", TEMPERATURES)
 def test_sines_come_out_as_from_the_circuit(temp_degc, tmp_path):
-    losses, linear = [], ring_diode.ring(*DEFAULT, temp_degc)
+    losses, linear = [], ring_diode.diode_ring(*DEFAULT, temp_degc)
     for part in AMPLITUDES:
         dc_f, w = part * FULL_F, 2 * math.pi * SINE_HZ
         sine = f"{dc_f!r}*sin({w!r}*time)"
@@ -65,15 +65,15 @@ def test_a_constant_comes_out_as_from_the_circuit(tmp_path):
         times, volts = circuit(5.0, 32e-12, HSMS_282X, temp_degc, dc_f, tmp_path)
         want = spice.mean(times, volts, SETTLED_S, SETTLED_S + 8 * HALF_S)
         p = ring_cycle.circuit(*DEFAULT, temp_degc)
-        got = ring_cycle.steady(p, dc_f).volts
+        got = ring_cycle.steady_state(p, dc_f).volts
         assert got == pytest.approx(want, rel=0.003)
-        assert got < (1 - least) * dc_f * ring_cycle.steady(p, 0.0).volts_per_f
+        assert got < (1 - least) * dc_f * ring_cycle.steady_state(p, 0.0).volts_per_f
 
 
 def test_small_signals_are_those_of_the_closed_form():
     for diode, gain_rel, delay_rel in ((NO_JUNCTION, 1e-3, 2e-3), (HSMS_282X, 4e-3, 4e-3)):
         for temp_degc in TEMPERATURES:
-            want = ring_diode.ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 32e-12, diode, temp_degc)
+            want = ring_diode.diode_ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 32e-12, diode, temp_degc)
             got = ring_cycle.large(ring_cycle.circuit(5.0, CARRIER_HZ, 2e-12, 3e-12, 32e-12, diode, temp_degc), 1e-15)
             assert got.gain_v_per_f == pytest.approx(want.gain_v_per_f, rel=gain_rel)
             assert got.delay_s == pytest.approx(want.tau_s, rel=delay_rel)
@@ -83,24 +83,24 @@ def test_small_signals_are_those_of_the_closed_form():
 
 def test_the_output_is_odd_and_its_delay_even_in_dc():
     p = ring_cycle.circuit(*DEFAULT, 25.0)
-    plus, minus = (ring_cycle.steady(p, s * FULL_F) for s in (1, -1))
+    plus, minus = (ring_cycle.steady_state(p, s * FULL_F) for s in (1, -1))
     assert minus.volts == pytest.approx(-plus.volts, rel=1e-9)
     assert minus.volts_per_f == pytest.approx(plus.volts_per_f, rel=1e-6)
     assert minus.late_v_s_per_f == pytest.approx(plus.late_v_s_per_f, rel=1e-6)
-    near = [ring_cycle.steady(p, FULL_F + d).volts for d in (-1e-14, 1e-14)]
+    near = [ring_cycle.steady_state(p, FULL_F + d).volts for d in (-1e-14, 1e-14)]
     assert plus.volts_per_f == pytest.approx((near[1] - near[0]) / 2e-14, rel=1e-3)
 
 
 def test_steps_and_start_of_the_integration_are_not_seen():
     for temp_degc, dc_f in ((-20.0, 0.75e-12), (50.0, 0.75e-12), (85.0, 0.5e-12)):
         p = ring_cycle.circuit(*DEFAULT, temp_degc)
-        want = ring_cycle.steady(p, dc_f)
+        want = ring_cycle.steady_state(p, dc_f)
         fine = p._replace(steps=8 * p.steps)
         # a later start of the tail: the charge forgets it
         for other, rel in ((fine, 2e-6), (p._replace(start_v=p.start_v - 2 * p.nvt_v), 1e-4)):
-            got = ring_cycle.steady(other, dc_f)
+            got = ring_cycle.steady_state(other, dc_f)
             assert got.volts == pytest.approx(want.volts, rel=rel)
-            small = ring_cycle.steady(other, 0.0).late_v_s_per_f
+            small = ring_cycle.steady_state(other, 0.0).late_v_s_per_f
             assert got.late_v_s_per_f == pytest.approx(want.late_v_s_per_f, abs=1e-4 * small)
 
 
@@ -114,7 +114,7 @@ def test_a_sine_is_the_sum_over_its_points():
 
     def v(angle):
         if angle not in volts:
-            volts[angle] = ring_cycle.steady(p, FULL_F * math.sin(angle)).volts
+            volts[angle] = ring_cycle.steady_state(p, FULL_F * math.sin(angle)).volts
         return volts[angle]
 
     first, third, mean = (

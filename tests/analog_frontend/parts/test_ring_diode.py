@@ -31,7 +31,7 @@ CASES = [
 
 def circuit(carrier_v, cref_f, diode, temp_degc, dc_f, folder, stop_s=6e-6):
     """Waveform V(C) - V(D) of the ring whose Cp is 3 pF at 25 degC."""
-    stray = ring_diode.ring(carrier_v, CARRIER_HZ, 2e-12, 3e-12, cref_f, diode, temp_degc).stray_f
+    stray = ring_diode.diode_ring(carrier_v, CARRIER_HZ, 2e-12, 3e-12, cref_f, diode, temp_degc).stray_f
     nominal, warm = (float(ring_diode.built_in_v(diode, t)) for t in (27.0, temp_degc))
     slope = (nominal - warm) / ((temp_degc - 27.0) or 1.0)
     netlist = spice.ring_diode(
@@ -54,7 +54,7 @@ def circuit(carrier_v, cref_f, diode, temp_degc, dc_f, folder, stop_s=6e-6):
 )
 def test_gain_step_and_delay_are_those_of_the_circuit(case, tmp_path):
     carrier_v, cref_f, diode, temp_degc = case
-    want = ring_diode.ring(carrier_v, CARRIER_HZ, 2e-12, 3e-12, cref_f, diode, temp_degc)
+    want = ring_diode.diode_ring(carrier_v, CARRIER_HZ, 2e-12, 3e-12, cref_f, diode, temp_degc)
 
     times, v = circuit(*case, DC_F, tmp_path)
     gain = spice.mean(times, v, SETTLED_S, SETTLED_S + 8 * HALF_S) / DC_F
@@ -77,7 +77,7 @@ def test_gain_step_and_delay_are_those_of_the_circuit(case, tmp_path):
 @needs_ngspice
 def test_the_circuit_clips_at_two_diodes(tmp_path):
     case = (5.0, 50e-12, NO_JUNCTION, 27.0)
-    want = ring_diode.ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 50e-12, NO_JUNCTION, 27.0).gain_v_per_f
+    want = ring_diode.diode_ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 50e-12, NO_JUNCTION, 27.0).gain_v_per_f
     lost = {}
     for dc_f in (0.1e-12, 0.25e-12, 0.5e-12):
         times, v = circuit(*case, dc_f, tmp_path)
@@ -91,7 +91,7 @@ def test_the_circuit_clips_at_two_diodes(tmp_path):
 def test_the_textbook_gain_is_five_percent_high(tmp_path):
     case = (5.0, 50e-12, NO_JUNCTION, 27.0)
     times, v = circuit(*case, DC_F, tmp_path)
-    want = ring_diode.ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 50e-12, NO_JUNCTION, 27.0)
+    want = ring_diode.diode_ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 50e-12, NO_JUNCTION, 27.0)
     measured = spice.mean(times, v, SETTLED_S, SETTLED_S + 8 * HALF_S) / DC_F
     assert 1.04 < want.textbook_gain_v_per_f / measured < 1.06
 
@@ -102,7 +102,7 @@ def test_without_junctions_the_formula_is_the_one_on_the_page():
     u = 2.2e-8 * HALF_S / (n_vt * tail)
     vf = 2 * n_vt * math.atanh(math.exp(-2 * u))
     bounce = (2e-12 * 5.0 - 2 * vf * 5e-12) / 55e-12
-    got = ring_diode.ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 50e-12, NO_JUNCTION, 27.0)
+    got = ring_diode.diode_ring(5.0, CARRIER_HZ, 2e-12, 3e-12, 50e-12, NO_JUNCTION, 27.0)
     assert got.vf_v == pytest.approx(vf, rel=1e-12)
     g = u / math.tanh(u)
     inside = 5.0 - 2 * vf - 2 * n_vt * (g - math.log(math.cosh(u))) - bounce
@@ -124,7 +124,8 @@ def test_saturation_current_follows_the_law_of_spice():
 def test_gain_temperature_coefficient_emerges():
     def tc(carrier_v, diode):
         cold, warm = (
-            ring_diode.ring(carrier_v, CARRIER_HZ, 2e-12, 3e-12, 50e-12, diode, t).gain_v_per_f for t in (24.0, 26.0)
+            ring_diode.diode_ring(carrier_v, CARRIER_HZ, 2e-12, 3e-12, 50e-12, diode, t).gain_v_per_f
+            for t in (24.0, 26.0)
         )
         return (warm - cold) / (warm + cold)
 

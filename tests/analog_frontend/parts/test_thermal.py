@@ -27,7 +27,7 @@ def exponential(value, tc, temp):
 @given(temps)
 def test_laws(temp):
     dev = device.make(dac_rc_tc_per_k=2e-4, sid_rc_tc_per_k=-1e-4)
-    warm = thermal.at_temperature(dev, temp)
+    warm = thermal.device_at_temperature(dev, temp)
     expected = dev._asdict()
     expected["fx_hz"] = linear(11002.3, -27e-6, temp)
     expected["fy_hz"] = linear(10863.3, -27e-6, temp)
@@ -60,7 +60,7 @@ def test_laws_of_noise_carrier_and_switches(temp):
         ina_beta_exponent=1.75,
         sid_flicker_exponent=0.5,
     )
-    warm = thermal.at_temperature(dev, temp)
+    warm = thermal.device_at_temperature(dev, temp)
     assert warm.carrier_v == linear(5.0, -4e-4, temp)
     assert warm.sid_charge_c == linear(1e-12, 0.003, temp)
     assert warm.sid_leakage_a == pytest.approx(1e-10 * 2 ** ((temp - 25) / 10), rel=1e-14)
@@ -72,7 +72,7 @@ def test_laws_of_noise_carrier_and_switches(temp):
 @given(temps, st.floats(-1e-3, 1e-3))
 def test_output_amplifiers_go_with_their_gbw(temp, tc):
     dev = device.make(dac_amplifier_tc_on=1, dac_rc_tc_per_k=tc)
-    warm = thermal.at_temperature(dev, temp)
+    warm = thermal.device_at_temperature(dev, temp)
     for channel in ("drive", "sense"):
         first, *rest = (f"{channel}_pole_{n}_s" for n in (1, 2, 3))
         assert getattr(warm, first) == linear(getattr(dev, first), tc, temp)
@@ -83,27 +83,27 @@ def test_output_amplifiers_go_with_their_gbw(temp, tc):
 
 def test_the_reference_temperature_changes_nothing():
     dev = device.make(temp_ref_degc=20.0, fx_hz=11000.1)
-    assert thermal.at_temperature(dev, 20.0) is dev
-    assert thermal.at_temperature(dev, 20.5).fx_hz == linear(11000.1, -27e-6, 20.5, 20.0)
+    assert thermal.device_at_temperature(dev, 20.0) is dev
+    assert thermal.device_at_temperature(dev, 20.5).fx_hz == linear(11000.1, -27e-6, 20.5, 20.0)
 
 
 def test_laws_that_are_off_change_nothing():
     laws = "tcf_per_k dlnq_per_k kxy_tc_below_per_k kxy_tc_above_per_k opamp_gbw_tc_per_k".split()
     dev = device.make(**dict.fromkeys(laws, 0.0))
     for temp in (-55.0, 125.0):
-        assert thermal.at_temperature(dev, temp) == dev
+        assert thermal.device_at_temperature(dev, temp) == dev
 
 
 @pytest.mark.parametrize(("temp", "paper_v"), [(-20.0, 4.0469), (25.0, 4.5247), (50.0, 4.7182)])
 def test_quadrature_voltage_of_the_paper(temp, paper_v):
-    dev = thermal.at_temperature(device.make(), temp)
+    dev = thermal.device_at_temperature(device.make(), temp)
     # the model starts from 4.52 V, 0.1 % below the paper's 4.5247 V
     assert (dev.kxy_n_per_m / dev.kq_n_per_m_per_v2) ** 0.5 == pytest.approx(paper_v, rel=2e-3)
 
 
 def test_frequency_slope_and_split():
     """-0.3 Hz/K; the split keeps to 139 Hz within the same 27 ppm/K."""
-    a, b = (thermal.at_temperature(device.make(), t) for t in (25.0, 26.0))
+    a, b = (thermal.device_at_temperature(device.make(), t) for t in (25.0, 26.0))
     assert b.fx_hz - a.fx_hz == pytest.approx(-0.297, abs=1e-3)
     assert (b.fx_hz - b.fy_hz) / (a.fx_hz - a.fy_hz) - 1 == pytest.approx(-27e-6, abs=1e-9)
 
@@ -111,12 +111,12 @@ def test_frequency_slope_and_split():
 @pytest.mark.parametrize("temp", [float("nan"), -55.1, 125.1, float("inf")])
 def test_temperatures_outside_the_parts_are_refused(temp):
     with pytest.raises(ValueError, match=r"temp_degc = .* outside -55 .. 125 \(unit degC\)"):
-        thermal.at_temperature(device.make(), temp)
+        thermal.device_at_temperature(device.make(), temp)
 
 
 def test_a_law_that_leaves_the_limits_is_refused():
     with pytest.raises(ValueError, match="kxy_n_per_m"):
-        thermal.at_temperature(device.make(kxy_n_per_m=0.49, kxy_tc_above_per_k=0.05), 100.0)
+        thermal.device_at_temperature(device.make(kxy_n_per_m=0.49, kxy_tc_above_per_k=0.05), 100.0)
 
 
 def test_warm_up_is_bit_for_bit_nothing_when_off():

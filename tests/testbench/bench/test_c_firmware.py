@@ -49,7 +49,7 @@ def test_sanitizers_find_nothing_in_the_closed_loop(exported, tmp_path):  # noqa
 @needs("g++", "gcc")
 @pytest.mark.slow
 def test_both_are_timed(tmp_path):
-    spent = c_firmware.timed(tmp_path, rounds=2, processes=1, ticks=12_500)
+    spent = c_firmware.measure_cpu_times(tmp_path, rounds=2, processes=1, ticks=12_500)
     assert set(spent) == {c_firmware.CLOCKED, c_firmware.C}
     assert all(len(times) == 2 and min(times) > 0.0 for times in spent.values())
 

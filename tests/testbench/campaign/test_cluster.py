@@ -32,7 +32,7 @@ def test_a_cluster_of_two_workers_equals_the_local_run(tmp_path):
     assert code == 0, err
     assert "40 points, 0 finished before, 40 now" in out
     assert finished(tmp_path / "dask") == finished(tmp_path / "local")
-    pids = {event.pid for event in Store.at(tmp_path / "dask").events()}
+    pids = {event.pid for event in Store.open_folder(tmp_path / "dask").events()}
     assert len(pids) == 2
 
 
@@ -66,7 +66,7 @@ def test_an_unreachable_scheduler_is_one_line_within_seconds(tmp_path):
     assert f"--unencrypted-scheduler {address}: no Dask scheduler answers there within 5 s" in errors[0]
     assert "Traceback" not in err
     assert finished(tmp_path / "s") == before
-    assert not Store.at(tmp_path / "s").busy()
+    assert not Store.open_folder(tmp_path / "s").busy()
 
 
 @pytest.mark.parametrize("address", ["nonsense://x:1", "127.0.0.1", "tcp://:8786", "tcp://a:b"])

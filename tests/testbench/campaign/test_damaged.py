@@ -62,7 +62,7 @@ def forget(store):
 def store(sound, tmp_path):
     """A copy that may be damaged."""
     shutil.copytree(sound / "store", tmp_path / "store")
-    return Store.at(tmp_path / "store")
+    return Store.open_folder(tmp_path / "store")
 
 
 def lines(command, store, tmp_path):
@@ -83,13 +83,13 @@ def identity_of_files(store):
 
 def proved(sound, store, tmp_path, bad=(), refused=False):
     """Call all commands on a damaged store; `bad` are points that must be found, `refused`: `run` says one line."""
-    healthy = {p: v for p, v in identity_of_files(store).items() if p not in [store.point(a) for a in bad]}
+    healthy = {p: v for p, v in identity_of_files(store).items() if p not in [store.point_path(a) for a in bad]}
     for command in COMMANDS:
         code, err, out = lines(command, store, tmp_path)
         if bad and not refused:
             said = out if command == "status" else "\n".join(err)
             assert code == 2
-            assert all(str(store.point(address)) in said for address in bad), (command, said)
+            assert all(str(store.point_path(address)) in said for address in bad), (command, said)
             if command != "status":
                 assert len(err) == len(bad)
     signal.alarm(HANGS_S)
@@ -102,7 +102,7 @@ def proved(sound, store, tmp_path, bad=(), refused=False):
         return
     assert code == 0, err
     assert f"4 points, {4 - len(bad)} finished before, {len(bad)} now" in out
-    assert all(str(store.point(address)) in err for address in bad)
+    assert all(str(store.point_path(address)) in err for address in bad)
     assert finished(store.path) == finished(sound / "store")
     assert lines("status", store, tmp_path)[0] == 0
 
@@ -169,14 +169,14 @@ def claim(store):
     """The claim of a point that somebody finished without it."""
     path = store.path / "claims" / store.addresses()[0]
     path.write_bytes(b"")
-    store.point(store.addresses()[0]).unlink()
+    store.point_path(store.addresses()[0]).unlink()
     return path
 
 
 @pytest.mark.parametrize("damage", some(DAMAGES, "half", "no_text", "dangling", "endless"))
 def test_a_point(sound, store, tmp_path, damage):
     address = store.addresses()[1]
-    DAMAGES[damage](store.point(address))
+    DAMAGES[damage](store.point_path(address))
     if damage == "dangling":  # nothing is there: the point is missing, not damaged
         assert campaign("run", plan_file(sound, 2, 1, 2), "--out", store.path, "--workers", 0)[0] == 0
         assert finished(store.path) == finished(sound / "store")
@@ -335,7 +335,7 @@ SEEN = ("edited", "another_schema", "external_link", "huge", "no_dimension")
 def test_a_point_that_was_sealed_again(sound, store, tmp_path, what, journal):
     """The journal alone can tell a number that was edited; everything else the point itself tells."""
     address = store.addresses()[2]
-    resealed(store.point(address), HOSTILE[what])
+    resealed(store.point_path(address), HOSTILE[what])
     if not journal and what != "edited":
         forget(store)
     proved(sound, store, tmp_path, bad=[address])
@@ -346,9 +346,9 @@ def test_swapped_points(sound, store, tmp_path, journal):
     a, b = store.addresses()[:2]
     if not journal:
         forget(store)
-    one, other = store.point(a).read_bytes(), store.point(b).read_bytes()
-    store.point(a).write_bytes(other)
-    store.point(b).write_bytes(one)
+    one, other = store.point_path(a).read_bytes(), store.point_path(b).read_bytes()
+    store.point_path(a).write_bytes(other)
+    store.point_path(b).write_bytes(one)
     proved(sound, store, tmp_path, bad=[a, b])
 
 
@@ -357,7 +357,7 @@ def test_a_copy_of_another_point(sound, store, tmp_path, journal):
     a, b = store.addresses()[1:3]
     if not journal:
         forget(store)
-    store.point(a).write_bytes(store.point(b).read_bytes())
+    store.point_path(a).write_bytes(store.point_path(b).read_bytes())
     proved(sound, store, tmp_path, bad=[a])
 
 
@@ -366,7 +366,7 @@ def test_a_point_of_other_sources(sound, store, tmp_path):
     address = store.addresses()[0]
     identity, variables = collect.read_point(store, address)
     other = canonical(json.loads(identity) | {"code": "f" * 64})
-    store.point(address).write_bytes(shard.encode(other, variables, [0.000125, 0.0005]))
+    store.point_path(address).write_bytes(shard.encode(other, variables, [0.000125, 0.0005]))
     forget(store)
     proved(sound, store, tmp_path, bad=[address])
 

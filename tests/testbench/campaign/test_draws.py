@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.campaign.plan.draws import FORMS, Spec, drawn, uniform
+from testbench.campaign.plan.draws import FORMS, Spec, draw_value, uniform
 from testbench.errors import ConfigError
 
 
@@ -38,7 +38,7 @@ def test_a_draw_depends_on_its_own_number_alone(kind, seed, count, k):
     more = values(spec, count + 20, seed)
     assert values(spec, count, seed) == more[:count]
     if k < count:
-        assert more[k] == drawn(kind, 1.5, 2.5, seed, "plant.fx_hz", k)
+        assert more[k] == draw_value(kind, 1.5, 2.5, seed, "plant.fx_hz", k)
 
 
 def test_parameters_and_seeds_are_different_draws():

@@ -104,7 +104,7 @@ def test_an_old_store_is_read_without_an_import_and_runs_again_by_the_option(tmp
         done = gyro("campaign", *argv)
         assert done.returncode == 0, done.stderr
     assert not evil.exists()
-    point = Store.at(store).addresses()[0]
+    point = Store.open_folder(store).addresses()[0]
     done = gyro("campaign", "rerun", store, point)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert f"was made by the engine '{PLACE}'; --engine NAME={PLACE} runs it" in done.stderr

@@ -78,7 +78,7 @@ class Watched:
     def prove(self, points):
         """No finished point was run twice, by what the workers wrote down; nothing half lies about."""
         assert self.points() == points
-        store = Store.at(self.path)
+        store = Store.open_folder(self.path)
         ended, written = {}, {}
         for event in store.events():
             if event.event == "finish":
@@ -89,7 +89,9 @@ class Watched:
                 written[event.point] = event.t
         assert sorted(written) == store.addresses()
         for address, began in written.items():
-            assert store.point(address).stat().st_mtime > began - 0.05, "the last start is the one that was finished"
+            assert store.point_path(address).stat().st_mtime > began - 0.05, (
+                "the last start is the one that was finished"
+            )
         assert not list((self.path / "points").rglob("*.part"))
 
 
@@ -312,6 +314,6 @@ def test_real_points_killed_and_resumed(tmp_path):
         main.kill()
     watched.prove(40)
     assert finished(watched.path) == finished(tmp_path / "reference")
-    address = Store.at(watched.path).addresses()[7]
+    address = Store.open_folder(watched.path).addresses()[7]
     code, out, _ = child("rerun", watched.path, address)
     assert (code, "identical" in out) == (0, True)

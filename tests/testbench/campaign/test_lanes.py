@@ -74,7 +74,7 @@ def test_files_are_those_of_the_frame_engine(frame, tmp_path):
 def test_either_engine_continues_what_the_other_began(frame, tmp_path):
     report = run_json(mixed(tmp_path, "lanes"), "--out", frame)
     assert (report["reused"], report["done"]) == (27, 0)
-    code, out, err = campaign("rerun", frame, Store.at(frame).addresses()[3])
+    code, out, err = campaign("rerun", frame, Store.open_folder(frame).addresses()[3])
     assert (code, "identical" in out) == (0, True), err
 
 
@@ -99,8 +99,8 @@ def test_engines_as_an_axis_are_one_point(tmp_path):
 
 def test_twins_hang_on_the_same_sources():
     lanes, frame = engines.load("lanes"), engines.load("frame")
-    assert lanes.twin == "frame"
-    assert engines.code_of(lanes) == engines.code_of(frame)
+    assert lanes.equivalent_to == "frame"
+    assert engines.source_hash(lanes) == engines.source_hash(frame)
 
 
 # ---- batches ---------------------------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ def test_twins_hang_on_the_same_sources():
 
 def batches(folder, workers, boards=10, engine=LANES):
     points, _ = plan.points(plan.read(plan_file(folder, 1, boards, 1, engine=engine), (), OWN))
-    return [len(batch.identities) for batch in execute.batches_of(points, folder, workers)]
+    return [len(batch.identities) for batch in execute.make_batches(points, folder, workers)]
 
 
 def test_few_points_are_spread_over_all_workers(tmp_path):
@@ -128,7 +128,7 @@ def test_points_of_one_group_share_a_call(tmp_path):
     points, states = plan.points(plan.read(path, (), OWN))
     lengths = [
         [json.loads(identity)["config"]["scenario"]["seconds"] for identity in batch.identities]
-        for batch in execute.batches_of(points, states)
+        for batch in execute.make_batches(points, states)
     ]
     assert lengths == [[0.5] * 3, [60.0] * 3]
 
@@ -147,6 +147,6 @@ def test_the_mates_of_a_point_that_kills_its_worker_finish(tmp_path, where):
 
 def test_a_batch_alone():
     batch = work.Batch("frame", ["a", "b"])
-    assert [one.identities for one in batch.alone()] == [["a"], ["b"]]
-    assert [one.engine for one in batch.alone()] == ["frame"] * 2
+    assert [one.identities for one in batch.split()] == [["a"], ["b"]]
+    assert [one.engine for one in batch.split()] == ["frame"] * 2
     assert [outcome.address for outcome in pool.death_notice(batch, 3, -9)] == batch.addresses

@@ -7,7 +7,7 @@ import pytest
 from testbench.campaign.plan import plan as plans
 from testbench.campaign.plan import points as point
 from testbench.campaign.plan import stored
-from testbench.campaign.plan.points import address_of, task_of
+from testbench.campaign.plan.points import point_address, read_task
 from testbench.commands import main as cli
 from testbench.config import load
 from testbench.errors import FileError
@@ -26,7 +26,7 @@ def points_of(tmp_path, text, sets=()):
 
 
 def config_of(one):
-    return task_of(one.identity, "/states").config
+    return read_task(one.identity, "/states").config
 
 
 def test_axes_are_multiplied_and_what_one_axis_holds_moves_together(tmp_path):
@@ -42,7 +42,7 @@ def test_axes_are_multiplied_and_what_one_axis_holds_moves_together(tmp_path):
     assert seen[5][0] == 85.0
     assert {c.scenario.seconds for c in map(config_of, found)} == {0.5}
     assert len({p.address for p in found}) == 6
-    assert all(address_of(p.identity) == p.address for p in found)
+    assert all(point_address(p.identity) == p.address for p in found)
 
 
 def test_a_point_without_axes_is_the_configuration(tmp_path):
@@ -97,7 +97,7 @@ def test_addresses_depend_on_what_a_result_depends_on_and_on_nothing_else(tmp_pa
         address(HEAD + "[keep.streams]\nrate_word = 8\n"),
         address(HEAD + '[keep.statistics]\nrate_word = ["mean"]\n'),
     ]
-    monkeypatch.setattr(point.engines, "code_of", lambda engine: "0" * 64)
+    monkeypatch.setattr(point.engines, "source_hash", lambda engine: "0" * 64)
     others.append(address(HEAD))
     assert len({same, *others}) == 6
 
@@ -126,7 +126,7 @@ def test_a_plan_comes_back_from_the_store(tmp_path):
     )
     plan = plans.read(written(tmp_path, text))
     addresses = [point.address for point in plans.points(plan)[0]]
-    (tmp_path / f"{plan.name}.json").write_text(stored.text_of(plan, addresses))
+    (tmp_path / f"{plan.name}.json").write_text(stored.plan_json(plan, addresses))
     back, kept = stored.read(tmp_path / f"{plan.name}.json")
     assert kept == tuple(addresses)
     assert back.axes == plan.axes
@@ -215,6 +215,8 @@ def test_check_says_what_would_run(tmp_path, capsys):
 
 def test_a_point_of_another_version_is_refused():
     with pytest.raises(FileError, match="schema 'gyropoint/9'"):
-        task_of('{"schema": "gyropoint/9"}', "/states")
+        read_task('{"schema": "gyropoint/9"}', "/states")
     with pytest.raises(FileError, match="cannot read"):
-        task_of('{"schema":"gyropoint/1","config":{"scenario":{"resume":""},"plant":{"gone":1}},"keep":{}}', "/states")
+        read_task(
+            '{"schema":"gyropoint/1","config":{"scenario":{"resume":""},"plant":{"gone":1}},"keep":{}}', "/states"
+        )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray
 
-from testbench.campaign import played
+from testbench.campaign import builtin_engines
 from testbench.campaign.plan.measure import Keep, Keeper
 from testbench.campaign.store import Store
 from testbench.config import from_dict, sections
@@ -29,7 +29,7 @@ def test_numbers_of_a_summary_are_flat():
         "real_time_factor": 2.0,
         "counter_deg": None,
     }
-    assert played.flat(summary) == {
+    assert builtin_engines.flatten_summary(summary) == {
         "locked": True,
         "phase_deg.xe1": 1.5,
         "phase_deg.ye1": None,
@@ -43,12 +43,12 @@ def test_numbers_of_a_summary_are_flat():
 def test_points_are_those_of_single_runs(tmp_path):
     plan = plan_file(tmp_path, 1, 1, 2, engine="frame")
     run_json(plan, "--out", tmp_path / "s")
-    store = Store.at(tmp_path / "s")
+    store = Store.open_folder(tmp_path / "s")
     with xarray.open_dataset(tmp_path / "s" / "results" / "tiny.nc") as data:
         data = data.squeeze(("temperature", "board"))
         for k in (0, 1):
             one = data.isel(seed=k)
-            with xarray.open_dataset(store.point(str(one.point.values))) as point:
+            with xarray.open_dataset(store.point_path(str(one.point.values))) as point:
                 tree = json.loads(str(point.identity.values))["config"]
             result = simulate.run(from_dict({**tree, "output": {"decimate": 1}}))
             assert str(one.codes_sha256.values) == result.summary["codes_sha256"]
@@ -85,11 +85,11 @@ def test_a_campaign_of_another_rate_is_that_of_its_runs(tmp_path, rate, engine):
     text += "[keep]\nframes = 2\nstreams.rate_word = 4\nstatistics.rate_word = ['slope']\n"
     (tmp_path / "plan.toml").write_text(text)
     run_json(tmp_path / "plan.toml", "--out", tmp_path / "s")
-    store = Store.at(tmp_path / "s")
+    store = Store.open_folder(tmp_path / "s")
     with xarray.open_dataset(tmp_path / "s" / "results" / "rates.nc") as data:
         assert np.allclose(np.diff(data.time_4), 4 * frame_s, rtol=1e-12)
         one = data.isel(seed=1)
-        with xarray.open_dataset(store.point(str(one.point.values))) as point:
+        with xarray.open_dataset(store.point_path(str(one.point.values))) as point:
             tree = json.loads(str(point.identity.values))["config"]
         tree["scenario"]["engine"] = engine
         result = simulate.run(from_dict({**tree, "output": {"decimate": 1}}))

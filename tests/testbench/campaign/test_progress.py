@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.campaign.pool import Here
+from testbench.campaign.pool import InProcess
 from testbench.campaign.progress import LINE_EVERY_S, Progress, Running, clock
 from testbench.campaign.work import Outcome
 
@@ -29,7 +29,7 @@ def test_clock():
 def told(terminal, points=10, quiet=False):
     said, now = [], [100.0]
     progress = Progress(quiet, terminal, said.append, lambda: now[0])
-    progress.begin(points + 5, 5, Here())
+    progress.set_totals(points + 5, 5, InProcess())
     with progress:
         for k in range(points):
             now[0] += LINE_EVERY_S / 4
@@ -62,7 +62,7 @@ def test_the_picture_has_bar_line_and_means():
     assert lines[1].startswith("15/15 points")
     assert "drive_frequency_hz" in text.getvalue()
     values = [11000.0 + k for k in range(10) if k != 3]
-    assert progress.shown()[0] == (
+    assert progress.headline_numbers()[0] == (
         "drive_frequency_hz",
         *map(pytest.approx, (statistics.fmean(values), statistics.stdev(values))),
     )
@@ -77,5 +77,5 @@ def test_a_terminal_gets_a_live_picture(capsys):
 
 def test_nothing_is_known_before_the_first_point():
     progress = Progress(False, False, lambda text: None, lambda: 0.0)
-    progress.begin(3, 0, Here())
+    progress.set_totals(3, 0, InProcess())
     assert "-:--:-- left" in progress.line()

@@ -17,7 +17,7 @@ from tests.testbench.campaign.helpers import INSTANT, LANES, OWN, campaign, chil
 
 
 def starts(store):
-    return [event for event in Store.at(store).events() if event.event == "start"]
+    return [event for event in Store.open_folder(store).events() if event.event == "start"]
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_xarray_opens_the_results(tiny):
         assert np.isnan(data["phase_deg.xe1"]).all(), "None is nan"
         assert (data.finished == 1).all()
         address = str(one.point.values)
-    with xarray.open_dataset(Store.at(tiny / "store").point(address)) as point:
+    with xarray.open_dataset(Store.open_folder(tiny / "store").point_path(address)) as point:
         assert float(point.drive_frequency_hz) == float(one.drive_frequency_hz)
         assert json.loads(str(point.identity.values))["config"]["scenario"]["temperature_degc"] == 85.0
 
@@ -105,17 +105,17 @@ def test_workers_batches_and_stores_do_not_matter(tiny, tmp_path):
 
 
 def test_a_point_alone_has_the_same_bytes(tiny, tmp_path):
-    store = Store.at(tiny / "store")
+    store = Store.open_folder(tiny / "store")
     address = store.addresses()[3]
     code, out, err = campaign("rerun", tiny / "store", address[:9], "--out", tmp_path / "p.h5", "--json")
     assert code == 0, err
     assert json.loads(out) == {
         "address": address,
         "identical": True,
-        "bytes": store.point(address).stat().st_size,
+        "bytes": store.point_path(address).stat().st_size,
         "differ": [],
     }
-    assert (tmp_path / "p.h5").read_bytes() == store.point(address).read_bytes()
+    assert (tmp_path / "p.h5").read_bytes() == store.point_path(address).read_bytes()
     code, _, err = campaign("rerun", tiny / "store", "zz")
     assert (code, err.count("\n")) == (2, 1)
     assert "no finished point begins with 'zz'" in err
@@ -123,7 +123,7 @@ def test_a_point_alone_has_the_same_bytes(tiny, tmp_path):
 
 def test_a_point_that_is_not_what_it_was_is_seen(tiny, tmp_path):
     run_json(plan_file(tiny), "--out", tmp_path / "s")
-    store = Store.at(tmp_path / "s")
+    store = Store.open_folder(tmp_path / "s")
     a, b = store.addresses()[:2]
     identity, variables = collect.read_point(store, a)
     from testbench.campaign import shard
@@ -134,12 +134,14 @@ def test_a_point_that_is_not_what_it_was_is_seen(tiny, tmp_path):
     assert code == 2
     assert "DIFFERENT" in out
     assert "drive_frequency_hz differs" in out
-    data = bytearray(store.point(b).read_bytes())
+    data = bytearray(store.point_path(b).read_bytes())
     data[len(data) // 2] ^= 1
-    store.point(b).write_bytes(data)
+    store.point_path(b).write_bytes(data)
     code, _, err = campaign("run", plan_file(tiny), "--out", tmp_path / "s", "--workers", 0)
     assert code == 0
-    assert err.count(f"{store.point(b)}: was changed: the journal has another SHA-256 of it; this point is run") == 1
+    assert (
+        err.count(f"{store.point_path(b)}: was changed: the journal has another SHA-256 of it; this point is run") == 1
+    )
     store.reject(b)
     assert run_json(plan_file(tiny), "--out", tmp_path / "s")["done"] == 1
 
@@ -149,9 +151,9 @@ def test_other_sources_are_not_compared(tiny, monkeypatch):
     from testbench.campaign.plan import engines
     from testbench.errors import FileError
 
-    monkeypatch.setattr(engines, "code_of", lambda engine: "f" * 64)
+    monkeypatch.setattr(engines, "source_hash", lambda engine: "f" * 64)
     with pytest.raises(FileError, match="only the same sources"):
-        rerun.rerun(tiny / "store", Store.at(tiny / "store").addresses()[0], own_engines=OWN)
+        rerun.rerun(tiny / "store", Store.open_folder(tiny / "store").addresses()[0], engine_texts=OWN)
 
 
 def test_show_has_mean_and_spread(tiny):
@@ -237,7 +239,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(tmp_path):
     assert "cannot be written: File too large" in errors[0]
     assert "3 of 6 points are finished and kept: the same command continues" in errors[0]
     assert "Traceback" not in err
-    store = Store.at(tmp_path / "s")
+    store = Store.open_folder(tmp_path / "s")
     assert len(store.addresses()) == 3
     assert not list((store.path / "points").rglob("*.part"))
     before = finished(store.path)
@@ -288,8 +290,8 @@ def test_two_campaigns_do_not_share_a_store_at_once(tmp_path):
         assert "Traceback" not in err
     finally:
         first.kill()
-    assert not Store.at(tmp_path / "s").busy()
-    ended = len(Store.at(tmp_path / "s").addresses())
+    assert not Store.open_folder(tmp_path / "s").busy()
+    ended = len(Store.open_folder(tmp_path / "s").addresses())
     assert run_json(plan, "--out", tmp_path / "s")["reused"] == ended
 
 

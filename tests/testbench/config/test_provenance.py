@@ -29,7 +29,7 @@ def test_every_default_has_an_origin():
 
 
 def test_what_was_chosen_for_the_paper_is_called_fitted():
-    assert set(KNOWN_FITTED) <= set(provenance.fitted())
+    assert set(KNOWN_FITTED) <= set(provenance.fitted_defaults())
 
 
 def printed():
@@ -61,7 +61,7 @@ def test_a_mention_would_be_seen():
 def test_what_the_judge_says_a_number_rests_on_are_the_fitted_defaults():
     """Each fitted default stands behind a number, and nothing else is called so."""
     behind = {key for rule in roles.RULES if rule.role in ("fitted", "free") for key in rule.rests_on}
-    assert behind == set(provenance.fitted())
+    assert behind == set(provenance.fitted_defaults())
     for rule in roles.RULES:
         for key in rule.rests_on:
             section, name = key.split(".")
@@ -72,4 +72,4 @@ def test_counts():
     count = provenance.counts("plant")
     assert list(count) == list(KINDS)
     assert sum(count.values()) == len(device.FIELDS)
-    assert count[FITTED] == sum(key.startswith("plant.") for key in provenance.fitted())
+    assert count[FITTED] == sum(key.startswith("plant.") for key in provenance.fitted_defaults())

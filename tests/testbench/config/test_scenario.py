@@ -33,7 +33,7 @@ def test_a_profile_is_the_exact_interpolation_at_the_middle_of_each_frame(points
     assert timeline.frames == 4000
     for frame in (0, 1, 499, 500, 2000, 3999):
         exact = naive.profile_at(points, (Fraction(frame) + Fraction(1, 2)) / 8000, steps)
-        assert timeline.rate_rad_s.at(frame)[0] == pytest.approx(math.radians(exact), rel=1e-12, abs=1e-12)
+        assert timeline.rate_rad_s.frame_values(frame)[0] == pytest.approx(math.radians(exact), rel=1e-12, abs=1e-12)
     assert timeline.rate_before_rad_s == math.radians(points[0][1])
 
 
@@ -49,14 +49,14 @@ def test_a_profile_at_its_own_points(points, when, steps):
 
 def test_a_jump_falls_between_two_frames():
     timeline = scenario.expand(made(rate_dps=[[0, 0], [0.1, 0], [0.1, 100]], seconds=0.2))
-    assert np.all(timeline.rate_rad_s.at(0, 800) == 0)
-    assert np.all(timeline.rate_rad_s.at(800, 800) == math.radians(100))
+    assert np.all(timeline.rate_rad_s.frame_values(0, 800) == 0)
+    assert np.all(timeline.rate_rad_s.frame_values(800, 800) == math.radians(100))
 
 
 def test_a_constant_is_held_and_temperature_stays_in_degc():
     timeline = scenario.expand(made(rate_dps=-30, temperature_degc=[[0, 20], [1, 30]], seconds=1.0))
-    assert np.all(timeline.rate_rad_s.at(0, 8000) == math.radians(-30))
-    assert timeline.temp_degc.at(0)[0] == pytest.approx(20 + 10 * 0.5 / 8000)
+    assert np.all(timeline.rate_rad_s.frame_values(0, 8000) == math.radians(-30))
+    assert timeline.temp_degc.frame_values(0)[0] == pytest.approx(20 + 10 * 0.5 / 8000)
     assert timeline.temp_before_degc == 20
 
 
@@ -66,16 +66,16 @@ def test_limits_are_those_of_all_frames(points, steps, milliseconds):
         return
     shape = "steps" if steps else "linear"
     profile = scenario.expand(made(rate_dps=points, seconds=milliseconds / 1000, rate_shape=shape)).rate_rad_s
-    values = profile.at(0, profile.frames)
+    values = profile.frame_values(0, profile.frames)
     assert profile.limits() == (values.min(), values.max())
 
 
 def test_parts_of_a_profile_are_those_of_the_whole():
     profile = scenario.expand(made(rate_dps=[[0, -3], [0.3, 70], [0.31, 0.1]], seconds=0.4)).rate_rad_s
-    whole = profile.at(0, 3200)
-    assert np.array_equal(np.concatenate([profile.at(k, 100) for k in range(0, 3200, 100)]), whole)
-    assert profile.at(-5, 5).tolist() == [whole[0]] * 5
-    assert profile.at(3200, 5).tolist() == [whole[-1]] * 5
+    whole = profile.frame_values(0, 3200)
+    assert np.array_equal(np.concatenate([profile.frame_values(k, 100) for k in range(0, 3200, 100)]), whole)
+    assert profile.frame_values(-5, 5).tolist() == [whole[0]] * 5
+    assert profile.frame_values(3200, 5).tolist() == [whole[-1]] * 5
 
 
 def test_a_broken_frame_counts_as_one():
@@ -103,7 +103,7 @@ def test_events_are_sorted_by_tick_and_ends_come_before_beginnings():
 
 @given(st.floats(0, 0.4), st.floats(1e-9, 1e6))
 def test_a_fault_lasts_at_least_a_tick_and_ends_within_the_run(t_s, duration_s):
-    events = scenario.events_of(made(seconds=0.5, faults=[[t_s, "plant_nan", "x", 0, duration_s]]), 500_000, 1e6)
+    events = scenario.sorted_events(made(seconds=0.5, faults=[[t_s, "plant_nan", "x", 0, duration_s]]), 500_000, 1e6)
     on = events[0].tick
     assert on == round(t_s * 1e6)
     for off in events[1:]:

@@ -10,14 +10,14 @@ import pytest
 
 from testbench.console import figure_files
 from testbench.console.figure_files import Picture
-from testbench.console.report import axes_of, name_axes
+from testbench.console.report import make_axes, name_axes
 
 X, Y, S = (0.1, 0.2, 0.3), (1.5, -2.5, 1 / 3), (0.5, np.nan, 0.25)
 
 
 def drawn():
     """A curve, marks with error bars, bars that begin anywhere, a level, a map; one curve has no name."""
-    figure, axes = axes_of("All kinds", 6.0, 2, 2)
+    figure, axes = make_axes("All kinds", 6.0, 2, 2)
     axes[0, 0].plot(X, Y, label="curve")
     axes[0, 0].plot(X, np.negative(Y))
     axes[0, 0].axhline(7.5, label="level")

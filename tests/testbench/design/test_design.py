@@ -12,7 +12,7 @@ from testbench.design import confirm, design_page, designer, ranges, start_up, t
 from testbench.paper.loop import advisor
 from testbench.paper.loop import confirm as quiet
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
 from testbench.run.tolerances import draw
@@ -55,15 +55,15 @@ def locked_s(config):
 
 
 def check_predictions(result):
-    seen, a = confirm.of_result(result), result.advice
+    seen, a = confirm.confirm_result(result), result.advice
     assert seen.lock_s == pytest.approx(result.nominal.lock_s, rel=0.02)
     assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
     assert seen.peak_db == pytest.approx(max(a.peak_db, 0.0), abs=0.3)
     line_hz = confirm.lowest_hz(a.bandwidth_hz)
-    scale = abs(lp.response(lp.close(parts(result.config)), line_hz)[0]) * lp.DEG
+    scale = abs(lp.response(lp.close(loop_parameters(result.config)), line_hz)[0]) * lp.DEG
     assert seen.lsb_per_dps == pytest.approx(scale, rel=1e-3)
     assert scale == pytest.approx(a.lsb_per_dps, rel=5e-3)
-    assert all(r.kept for r in result.ranges)
+    assert all(r.is_satisfied for r in result.ranges)
 
 
 def test_the_command_writes_what_locks(tmp_path):
@@ -83,7 +83,7 @@ def test_the_command_writes_what_locks(tmp_path):
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "low_cost")) for n in OTHER_DESIGNS])
 def test_the_default_loops_on_another_design_do_what_is_predicted(name):
     config = changed(load(BOARDS / f"{name}.toml"), OTHER_DESIGNS[name] | quiet.QUIET)
-    p = parts(config)
+    p = loop_parameters(config)
     a = advisor.analyse(p)
     seen = confirm.measure(config, a.bandwidth_hz)
     assert seen.lock_s == pytest.approx(start_up.predict(config).lock_s, rel=0.02)
@@ -114,7 +114,7 @@ def test_draws_have_the_predicted_bandwidth(name):
     result = designed(name)
     for k in range(5):
         config = changed(draw(result.config, 7, k), quiet.QUIET)
-        a = advisor.analyse(parts(config))
+        a = advisor.analyse(loop_parameters(config))
         seen = confirm.measure(config, a.bandwidth_hz, settle_s=4.0)
         assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
         assert seen.peak_db == pytest.approx(max(a.peak_db, 0.0), abs=0.3)
@@ -136,9 +136,9 @@ def test_the_largest_bandwidth_is_reached_and_no_more():
 @pytest.mark.slow
 def test_scale_decides_the_amplitude():
     result = designed("paper", scale_lsb_per_deg_s=8651.0)
-    assert confirm.of_result(result).lsb_per_dps == pytest.approx(8651.0, rel=1e-3)
+    assert confirm.confirm_result(result).lsb_per_dps == pytest.approx(8651.0, rel=1e-3)
     other = designed("paper", full_scale_deg_s=800.0)
-    assert design_page.predictions(other)["full_scale_deg_s"] == pytest.approx(800.0, rel=1e-4)
+    assert design_page.predicted_values(other)["full_scale_deg_s"] == pytest.approx(800.0, rel=1e-4)
 
 
 @pytest.mark.slow

@@ -166,17 +166,17 @@ def line(found, word):
 
 def test_what_the_plan_minds():
     good = frequency_plan.plan(Device(), 25.0, 0.005)
-    assert all(m.kept for m in good)
-    assert not line(frequency_plan.plan(Device(fx_hz=12500.01), 25.0), "edges").kept
-    assert not line(frequency_plan.plan(Device(carrier_ppm=0.5), 25.0), "carrier").kept
+    assert all(m.is_satisfied for m in good)
+    assert not line(frequency_plan.plan(Device(fx_hz=12500.01), 25.0), "edges").is_satisfied
+    assert not line(frequency_plan.plan(Device(carrier_ppm=0.5), 25.0), "carrier").is_satisfied
     coarse = DEFAULT._replace(dds_bits=28)
-    assert not line(frequency_plan.plan(Device(), 25.0, design=coarse), "DDS").kept
+    assert not line(frequency_plan.plan(Device(), 25.0, design=coarse), "DDS").is_satisfied
     # a fast demodulator lets its ripple through; at a multiple of the frames' rate sinc3 has a zero
     fast = Device(fx_hz=8500.0, sid_c_f=1e-9)
-    assert not line(frequency_plan.plan(fast, 600.0), "1 f").kept
-    assert line(frequency_plan.plan(fast, 25.0), "1 f").kept
+    assert not line(frequency_plan.plan(fast, 600.0), "1 f").is_satisfied
+    assert line(frequency_plan.plan(fast, 25.0), "1 f").is_satisfied
     slow = line(frequency_plan.plan(Device(fx_hz=8001.0), 25.0), "1 f")
-    assert slow.kept
+    assert slow.is_satisfied
     assert slow.distance_hz == 1.0
 
 

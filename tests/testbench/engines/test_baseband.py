@@ -312,7 +312,7 @@ def test_a_run_and_a_point_of_a_campaign_take_it():
     numbers = {}
     for name in ("frame", "baseband"):
         sink = Sink()
-        (numbers[name],) = engines.load(name).play([checked], [sink])
+        (numbers[name],) = engines.load(name).run_points([checked], [sink])
         assert sink.rows >= 2400
     assert numbers["baseband"].pop("codes_sha256").startswith("frames:")
     numbers["frame"].pop("codes_sha256")

@@ -120,7 +120,7 @@ def test_a_seed_changes_the_plant_alone(written):
 def older(tmp_path_factory):
     """The same as FMI 2.0."""
     need("cc")
-    if export.place("3.0")[0] != "x86_64-linux":
+    if export.binary_platform("3.0")[0] != "x86_64-linux":
         pytest.skip("FMI 2.0 has a name for binaries of x86_64 alone")
     folder = tmp_path_factory.mktemp("fmi2")
     export.export(folder, warmed(), "2.0")
@@ -304,7 +304,7 @@ def test_sanitizers_find_nothing(written, tmp_path):
     plain = coupled(folder, 5000)
     flags = ["-g", "-O1", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     for unit in export.units(warmed()):
-        place, suffix = export.place("3.0")
+        place, suffix = export.binary_platform("3.0")
         library = folder / "importer" / unit.name / "binaries" / place / f"gyro_{unit.name}{suffix}"
         sources = folder / "importer" / unit.name / "sources"
         names = [sources / name for name in unit.compiled]

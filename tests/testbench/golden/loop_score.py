@@ -14,7 +14,7 @@ from fpga_model.rates import FRAME_HZ
 from testbench.config import Config, changed
 from testbench.engines import chips
 from testbench.golden.loop import judgement, library, run
-from testbench.golden.recording import record
+from testbench.golden.recording import make_recordings
 from tests.testbench.golden import loop_faults, pin_tops
 
 COUNT, SEED, FRAMES = 100, 7725, 900
@@ -26,8 +26,8 @@ def scenario():
     faults = [[780 / FRAME_HZ, "adc_silent", "adc", 0, 10 / FRAME_HZ]]
     given = {"seconds": FRAMES / FRAME_HZ, "origin": "power_on", "rate_dps": rates, "rate_shape": "steps"}
     given["faults"] = faults
-    config = changed(Config(), record.QUICK | {f"scenario.{key}": value for key, value in given.items()})
-    return config, record.quick_firmware(config)
+    config = changed(Config(), make_recordings.QUICK | {f"scenario.{key}": value for key, value in given.items()})
+    return config, make_recordings.quick_firmware(config)
 
 
 def score(count, seed, folder, say=print):
@@ -35,7 +35,7 @@ def score(count, seed, folder, say=print):
     config, firmware = scenario()
     faults = loop_faults.drawn(count, seed)
     rtl = loop_faults.write(folder / "rtl", firmware, faults)
-    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
+    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.design_chips(config.design)))
     listed = library.user_sources(rtl, face.top, rtl / "all.f")
     path = library.build(rtl, firmware, folder / "built", 1, face, listed)
     kinds, unseen, rows = {}, [], 0

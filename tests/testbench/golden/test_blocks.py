@@ -9,7 +9,7 @@ import pytest
 
 import fpga_model
 from fpga_model import sine
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from fpga_model.design_record import DEFAULT
 from testbench import flatten
 from testbench.golden.stimulus import blocks, stimulus
@@ -23,7 +23,7 @@ def module_of(stem):
 
 
 def arguments(stem):
-    return list(inspect.signature(python_of(module_of(stem).step)).parameters)
+    return list(inspect.signature(python_function(module_of(stem).step)).parameters)
 
 
 def slow_step(stem, params, state, values):
@@ -41,7 +41,7 @@ def slow_step(stem, params, state, values):
     before = [(structure | own)[name] for name in arguments(stem) if name in structure or name == "s"]
     if params is not None:
         before.insert(-1, params)
-    return python_of(module.step)(*before, *values)
+    return python_function(module.step)(*before, *values)
 
 
 def test_every_block_of_the_firmware_is_there():

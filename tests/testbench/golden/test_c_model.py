@@ -20,7 +20,7 @@ from testbench.golden.bundles import export as bundles_export
 from testbench.golden.bundles import top
 from testbench.golden.c_model import export
 from testbench.golden.c_model.expressions import Unsupported
-from testbench.golden.c_model.kinds import NUMBER, kind_of
+from testbench.golden.c_model.kinds import NUMBER, infer_kind
 from testbench.golden.c_model.program import Program
 from testbench.golden.recording import recording
 from tests import naive
@@ -46,7 +46,7 @@ def model(bundles, tmp_path_factory):
         shutil.copytree(bundles(stem), folder / "golden" / stem)
     r = recording.load("reset")
     window = recording.Window(3250, 200, "second frame")
-    top.write(top.begun(r, FRAMES, (window,)), folder / "golden" / "top" / "reset")
+    top.write(top.first_frames(r, FRAMES, (window,)), folder / "golden" / "top" / "reset")
     return folder
 
 
@@ -218,7 +218,7 @@ def test_names_that_change_places_do_so_at_once(tmp_path):
     need("gcc")
     program = Program(recording.load("reset").params.design)
     found = program.function(swapped, (NUMBER, NUMBER))
-    assert found.result == kind_of((0, 0))
+    assert found.result == infer_kind((0, 0))
     library = compiled(program, tmp_path, "test_c_model")
     result = (ctypes.c_int64 * 2)()
     of = getattr(library, found.name)
@@ -313,7 +313,7 @@ def test_a_fault_of_the_whole_design_stops_at_its_clock(model, wrong_rtl, tmp_pa
     r, frames = recording.load("story"), FAULT_FRAME + 1
     clocks = r.params.design.frame_clocks
     window = recording.Window(FAULT_FRAME * clocks, clocks, "every clock")
-    top.write(top.begun(r, frames, (window,)), tmp_path / "top" / "story")
+    top.write(top.first_frames(r, frames, (window,)), tmp_path / "top" / "story")
     done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={RTL}")
     assert f"top: {frames * clocks} clocks equal to the model [dpi]" in done.stdout
     done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={wrong_rtl}")

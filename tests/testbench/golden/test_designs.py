@@ -15,7 +15,7 @@ from testbench.golden import cli
 from testbench.golden.bundles import bundle, design_entry, export, recompute, top
 from testbench.golden.check import compare, rtl_run
 from testbench.golden.diagnosis.verdict import SURE
-from testbench.golden.recording import record, recording
+from testbench.golden.recording import make_recordings, recording
 from testbench.golden.stimulus import blocks
 from tests.testbench.engines.test_designs import BOARDS, SEED, drawn
 from tests.testbench.golden.benching import VHDL, check, make
@@ -23,7 +23,7 @@ from tests.testbench.golden.resealing import reseal
 from tests.testbench.rtl.test_rtl import RTL, declared, ghdl, icarus, ran, verilator, yosys
 
 LOW_COST = BOARDS / "low_cost.toml"
-KEYED = [stem for stem, block in blocks.BLOCKS.items() if keys(blocks.declared()[stem])]
+KEYED = [stem for stem, block in blocks.BLOCKS.items() if keys(blocks.block_modules()[stem])]
 QUICK = ("dds", "rates", "frequency_tracker")
 RANDOM = range(SEED, SEED + 3)
 PASSED = re.compile(r"PASS \w+/\w+: \d+ rows")
@@ -62,7 +62,7 @@ def passes(folder, sim=None, rtl=RTL):
 def test_bundles_of_a_board_pass_on_the_reference_rtl(stem, low_cost):
     folder = low_cost(stem)
     cases = sorted(p.name for p in folder.iterdir() if p.is_dir())
-    assert cases == sorted(design_entry.blocks_of(LOW_COST)[stem].cases)
+    assert cases == sorted(design_entry.config_blocks(LOW_COST)[stem].cases)
     done = check(folder, "icarus", RTL)
     assert done.returncode == 0, done.stdout
     assert len(PASSED.findall(done.stdout)) == len(cases)
@@ -91,7 +91,7 @@ def test_the_diagnosis_knows_the_design(low_cost):
     got = {name: values.copy() for name, values in column.items()}
     free = golden.stim[:-1, 0] == 0
     got["word"][1:][free] = ((column["centre"] - column["loop_y"]) % 2**32)[:-1][free]
-    (found,) = compare.against(golden, got).diagnosis
+    (found,) = compare.compare_bundle(golden, got).diagnosis
     assert (found.cause, found.register, found.what) == ("sign", "word", "centre - loop_y")
 
 
@@ -102,7 +102,7 @@ def export_default(folder):
 
 def test_a_case_of_a_board_has_its_parameters(low_cost):
     """Of the modulators: those that the firmware is built with, and those of the block at the board's design."""
-    found = design_entry.blocks_of(LOW_COST)["modulator"]
+    found = design_entry.config_blocks(LOW_COST)["modulator"]
     _, params = design_entry.board(LOW_COST)
     assert found.cases["drive_modulator"] == params.drive_modulator
     assert found.cases["sense_modulator"] == params.sense_modulator
@@ -147,9 +147,11 @@ REACHED = ("STANDBY to OPEN", "SEARCH to RETUNE", "SEARCH to KICK", "reset while
 def whole(tmp_path_factory):
     """The first frames of the case `reset` of the low-cost board."""
     _, firmware = design_entry.board(LOW_COST)
-    r = top.begun(record.reset_case(recording.load("story"), firmware), 4, (recording.Window(5000, 40, ""),))
+    r = top.first_frames(
+        make_recordings.reset_case(recording.load("story"), firmware), 4, (recording.Window(5000, 40, ""),)
+    )
     folder = tmp_path_factory.mktemp("whole") / "reset"
-    top.write(r, folder, of_board=True)
+    top.write(r, folder, include_design=True)
     return folder
 
 
@@ -460,5 +462,5 @@ def test_a_parameter_of_a_board_outside_its_format_is_refused(low_cost, tmp_path
 
 def test_the_keys_of_the_record_are_those_of_the_rtl():
     """Every key of the record that is a width or a count is in the RTL of a block."""
-    used = {key for stem in blocks.BLOCKS for key in keys(blocks.declared()[stem])}
+    used = {key for stem in blocks.BLOCKS for key in keys(blocks.block_modules()[stem])}
     assert used == set(DEFAULT._fields)

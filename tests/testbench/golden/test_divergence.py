@@ -13,7 +13,7 @@ from testbench.errors import FileError
 from testbench.golden import cli, divergence
 from testbench.golden.bundles import bundle, recompute
 from testbench.golden.check import compare, rtl_run
-from testbench.golden.foreign import judged
+from testbench.golden.foreign import comparison_scope
 from tests import naive
 from tests.testbench.golden.benching import RTL, make, need
 from tests.testbench.storage.test_vcd import parse, sampled
@@ -35,7 +35,7 @@ def package_of(path, first, count, name):
 
 def flipped(golden, row, names, level="registers", style="sync", clocks=None, unknown=()):
     """Report of a design that is right but for the lowest bit of a port in one row, which has no value if unknown."""
-    found = judged.judged(golden, level, style, clocks)
+    found = comparison_scope.build_scope(golden, level, style, clocks)
     results = golden.manifest["registers"] + golden.manifest["outputs"]
     got = {}
     for column, port in zip(found.golden.exp.T, results, strict=True):
@@ -43,7 +43,7 @@ def flipped(golden, row, names, level="registers", style="sync", clocks=None, un
     for name in names:
         got[name].values[row - found.first] ^= 1
         got[name].known[row - found.first] = name not in unknown
-    return compare.against(found.golden, got, found=found)
+    return compare.compare_bundle(found.golden, got, scope=found)
 
 
 def test_a_difference_leaves_waveform_bundle_and_diagnosis(bundles, tmp_path):
@@ -111,7 +111,7 @@ def test_the_window_is_judged_as_the_bundle_was(bundles, tmp_path, style, level,
     """A design without a reset follows it from the first row; a late port shows the difference so much later."""
     given = bundles("pi") / "rate"
     golden = bundle.read(given)
-    found = judged.judged(golden, level, style, clocks)
+    found = comparison_scope.build_scope(golden, level, style, clocks)
     names = [p["name"] for p in golden.manifest["registers"] + golden.manifest["outputs"]]
     column, row = names.index("y"), int(found.first) + 40
     row += int(np.flatnonzero(found.care[row - found.first :, column])[0])
@@ -122,7 +122,7 @@ def test_the_window_is_judged_as_the_bundle_was(bundles, tmp_path, style, level,
     window = bundle.read(tmp_path / "bundle" / "pi" / "rate")
     end = min(row + late + 1 + divergence.AFTER, found.first + len(found.golden.exp))
     assert np.array_equal(window.exp, golden.exp[found.first : end])
-    part = judged.judged(window, level, style, clocks)
+    part = comparison_scope.build_scope(window, level, style, clocks)
     assert part.first == 0
     assert part.care[row - found.first, column]
     ours, yours = package_of(tmp_path, found.first, end - found.first, "reg.y")

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 from testbench import config
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli, phase_cost
-from testbench.golden.bundles import bundle, wrap
+from testbench.golden.bundles import adapted_bundle, bundle
 from testbench.golden.check import design_run, rtl_run
-from testbench.golden.foreign import design_map, judged, sources
+from testbench.golden.foreign import comparison_scope, design_map, sources
 from testbench.golden.stimulus import levels
 from testbench.golden.stimulus.blocks import BLOCKS
 from testbench.paper.loop import derived
@@ -135,8 +135,8 @@ def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
     golden = bundle.read(bundles("dds") / "default")
     names = [name for name, _ in levels.compared_ports(golden.manifest, "registers")]
     k, column = 2, names.index("r_drive_sine")
-    found = judged.judged(golden, "outputs", "sync", {"r_drive_sine": k})
-    exp, mask = judged.late_rows(found)
+    found = comparison_scope.build_scope(golden, "outputs", "sync", {"r_drive_sine": k})
+    exp, mask = comparison_scope.delayed_rows(found)
     reset, rows = golden.stim[:, 0], len(golden.exp)
     for row in range(rows):
         # the slow way: a row shows what the model has k rows before, unless a reset lies between
@@ -152,14 +152,14 @@ def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
     ):
         path.write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{text}\n')
         with pytest.raises(FileError, match=said):
-            judged.read_latency(path, golden.manifest, level)
+            comparison_scope.read_latency(path, golden.manifest, level)
 
 
 def test_a_latency_file_without_a_table_is_one_line(tmp_path):
     (tmp_path / "l.toml").write_text('schema = "gyro-latency/1.0"\nports = 3\n')
     manifest = {"block": "dds", "registers": [], "outputs": [], "levels": levels.levels_entry(BLOCKS["dds"])}
     with pytest.raises(FileError, match=r"l\.toml: ports: 3 is not a table of port = clocks"):
-        judged.read_latency(tmp_path / "l.toml", manifest, "outputs")
+        comparison_scope.read_latency(tmp_path / "l.toml", manifest, "outputs")
 
 
 @pytest.mark.parametrize(
@@ -179,9 +179,9 @@ def test_a_latency_that_no_recorded_row_can_judge_is_refused(tmp_path, block, te
                 "outputs": [bundle.port(p) for p in own.pins], "levels": levels.levels_entry(own)}  # fmt: skip
     (tmp_path / "l.toml").write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{text}\n')
     with pytest.raises(FileError, match=said):
-        judged.read_latency(tmp_path / "l.toml", manifest, "pins")
+        comparison_scope.read_latency(tmp_path / "l.toml", manifest, "pins")
     (tmp_path / "l.toml").write_text('schema = "gyro-latency/1.0"\n[ports]\n')
-    assert judged.read_latency(tmp_path / "l.toml", manifest, "pins") == {}
+    assert comparison_scope.read_latency(tmp_path / "l.toml", manifest, "pins") == {}
 
 
 def test_what_a_clock_costs_is_what_a_register_of_the_configuration_costs():
@@ -213,7 +213,7 @@ def test_what_a_clock_costs_is_what_a_register_of_the_configuration_costs():
 
 def test_a_design_without_reset_is_judged_between_two_resets(bundles):
     golden = bundle.read(bundles("dds") / "default")
-    found = judged.judged(golden, "outputs", "none")
+    found = comparison_scope.build_scope(golden, "outputs", "none")
     rows = len(found.golden.exp)
     reset = golden.stim[:, 0]
     assert not reset[found.first : found.first + rows - 1].any()
@@ -241,7 +241,9 @@ def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
     own, out = tmp_path / name, tmp_path / "w"
     shutil.copytree(DESIGNS / name, own)
     late = own / "latency.toml"
-    found = wrap.wrap(bundles(stem) / case, own / "map.toml", level, out, late if late.is_file() else None)
+    found = adapted_bundle.write_adapted_bundle(
+        bundles(stem) / case, own / "map.toml", level, out, late if late.is_file() else None
+    )
     goals = ["make", "-s", "-C", str(out), "check", f"SIM={sim}", f"RTL={own}", f"FILES={listed or file}",
              f"PYTHON={sys.executable}"]  # fmt: skip
     done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
@@ -253,19 +255,23 @@ def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
     assert done.returncode == 2
     assert "rows differ, the first is row " in done.stdout
     with pytest.raises(FileError, match="is not empty"):
-        wrap.wrap(bundles(stem) / case, own / "map.toml", level, out)
+        adapted_bundle.write_adapted_bundle(bundles(stem) / case, own / "map.toml", level, out)
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(bundles, tmp_path):
     with pytest.raises(FileError, match="/dev/null/w: cannot be written: "):
-        wrap.wrap(bundles("dds") / "default", DESIGNS / "nco" / "map.toml", "outputs", Path("/dev/null/w"))
+        adapted_bundle.write_adapted_bundle(
+            bundles("dds") / "default", DESIGNS / "nco" / "map.toml", "outputs", Path("/dev/null/w")
+        )
 
 
 def test_verilator_keeps_both_verdicts_of_a_bench_that_resets_nothing(bundles, tmp_path):
     """The loop over the rows is the first thing that waits: 5.006 took the count of errors behind it for 0."""
     installed("verilator")
     own, out = DESIGNS / "nco", tmp_path / "w"
-    wrap.wrap(bundles("dds") / "default", own / "map.toml", "outputs", out, own / "latency.toml")
+    adapted_bundle.write_adapted_bundle(
+        bundles("dds") / "default", own / "map.toml", "outputs", out, own / "latency.toml"
+    )
     assert "RESET_CYCLES = 0;" in (out / "params.vh").read_text()
     command = ["verilator", "--cc", "--timing", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-I.", "-DLEVEL_OUTPUTS",
                "--top-module", "tb_dds", "--Mdir", "c", "tb_dds.v", "golden_dds.v", own / "half_adder48.v",
@@ -317,7 +323,7 @@ def test_a_bad_map_is_one_line(bundles, tmp_path, name):
     assert old in MAP
     (tmp_path / "m.toml").write_text(MAP.replace(old, new))
     with pytest.raises(FileError, match=said) as problem:
-        wrap.wrap(bundles("pi") / "rate", tmp_path / "m.toml", "outputs", tmp_path / "w")
+        adapted_bundle.write_adapted_bundle(bundles("pi") / "rate", tmp_path / "m.toml", "outputs", tmp_path / "w")
     assert len(str(problem.value).splitlines()) == 1
     assert not (tmp_path / "w").exists()
 
@@ -379,18 +385,18 @@ def test_a_list_names_files_folders_macros_and_libraries(tmp_path):
         (tmp_path / name).write_text("")
     (tmp_path / "deep" / "d.f").write_text("d.v +define+Q")
     (tmp_path / "x.f").write_text("// list\n+incdir+inc a.sv # one\n-DP=3 -f deep/d.f\nb.v\ninc/c.svh\n")
-    found = sources.of_list(tmp_path / "x.f")
+    found = sources.read_source_list(tmp_path / "x.f")
     assert [path.name for path in found.files] == ["a.sv", "d.v", "b.v"]
     assert (found.defines, found.includes[0].name, found.language) == (("P=3", "Q"), "inc", "verilog")
     (tmp_path / "e.vhd").write_text("")
     (tmp_path / "x.f").write_text("-work one e.vhd\n")
-    assert sources.of_list(tmp_path / "x.f").libraries == ("one",)
+    assert sources.read_source_list(tmp_path / "x.f").libraries == ("one",)
     for text, said in (("no.v", "line 1: no file"), ("-y lib", "line 1: -y is none of"), ("+incdir+no", "no folder"),
                        ("-f x.f", "the list names itself"), ("", "names no source file"), ("-work", "needs a value"),
                        ("a.sv e.vhd", "Verilog and VHDL in one list")):  # fmt: skip
         (tmp_path / "x.f").write_text(text)
         with pytest.raises(FileError, match=said):
-            sources.of_list(tmp_path / "x.f")
+            sources.read_source_list(tmp_path / "x.f")
 
 
 LISTS = {
@@ -504,7 +510,10 @@ def test_the_files_of_the_page_are_read(bundles, tmp_path):
     assert found.parameters == (("kp", "KP", ""),)
     (tmp_path / "l.toml").write_text(text[1])
     manifest = bundle.read(bundles("dds") / "default").manifest
-    assert judged.read_latency(tmp_path / "l.toml", manifest, "outputs") == {"r_drive_sine": 1, "r_sense_sine": 1}
+    assert comparison_scope.read_latency(tmp_path / "l.toml", manifest, "outputs") == {
+        "r_drive_sine": 1,
+        "r_sense_sine": 1,
+    }
 
 
 @pytest.mark.parametrize(("case", "strobe"), [("pi/rate", "en"), ("cordic/default", "start")])

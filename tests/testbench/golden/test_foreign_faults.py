@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from testbench.golden.bundles import bundle, wrap
+from testbench.golden.bundles import adapted_bundle, bundle
 from testbench.golden.check import rtl_run
 from tests.testbench.golden.test_foreign import DESIGNED, DESIGNS, choice, installed
 
@@ -146,7 +146,7 @@ def test_a_fault_is_found_at_its_port_and_clock(bundles, tmp_path, name, k):
     if (name, k) in CLOCKS:
         assert found["first"]["clock"] == CLOCKS[name, k](bundle.read(folder))
     late = own / "latency.toml"
-    part = wrap.wrap(folder, own / "map.toml", level, out, late if late.is_file() else None)
+    part = adapted_bundle.write_adapted_bundle(folder, own / "map.toml", level, out, late if late.is_file() else None)
     goals = ["make", "-s", "-C", str(out), "check", f"SIM={sim}", f"RTL={own}", f"FILES={listed or file}"]
     done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
     assert done.returncode == 2, done.stdout

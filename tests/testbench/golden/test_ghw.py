@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from fpga_model.fixed import Fmt, bits, signed
+from fpga_model.fixed import Fmt, bits, signed_bits
 from testbench.errors import FileError
 from testbench.golden.check import ghw, waves
 
@@ -209,7 +209,9 @@ def test_records_arrays_and_enumerations_are_what_their_copies_are(dumps):
 
 def test_a_negative_integer_and_a_slice_of_it(dumps):
     ports = {"a": "tb.first.n_int", "b": "tb.first.n_int[9:0]"}
-    found = waves.read_log(dumps / "a.ghw", waves.Map(ports, "tb.clk", True, None, 0), {"a": signed(32), "b": bits(10)})
+    found = waves.read_log(
+        dumps / "a.ghw", waves.Map(ports, "tb.clk", True, None, 0), {"a": signed_bits(32), "b": bits(10)}
+    )
     assert found["a"].values.min() < 0
     np.testing.assert_array_equal(found["b"].values, found["a"].values & 1023)
 
@@ -299,7 +301,7 @@ def test_types_of_types_are_not_walked_for_ever():
     """A record of two records of two records ..., sixty deep: the number of its elements is known, not counted."""
     kind = ghw.Scalar(ghw.E8, ("'0'", "'1'"))
     for _ in range(60):
-        kind = ghw.record_of((("a", kind), ("b", kind)))
+        kind = ghw.sized_record((("a", kind), ("b", kind)))
     assert kind.count == 1 << 60
-    empty = ghw.array_of(kind, 1, (0,))
-    assert list(ghw.leaves_of("x", ghw.record_of((("a", empty), ("b", empty))), ())) == []
+    empty = ghw.sized_array(kind, 1, (0,))
+    assert list(ghw.leaf_signals("x", ghw.sized_record((("a", empty), ("b", empty))), ())) == []

@@ -22,7 +22,7 @@ from testbench.flatten import leaves
 from testbench.golden import divergence
 from testbench.golden.loop import library, lockstep, run
 from testbench.golden.loop.by_edge import Model, Plant
-from testbench.golden.recording import record
+from testbench.golden.recording import make_recordings
 from testbench.run import build, simulate
 from testbench.run.simulation import Simulation
 from tests.testbench.engines.test_designs import BOARDS
@@ -53,8 +53,8 @@ def quick_story():
     faults = [[(QUICK_FRAMES - 25) / FRAME_HZ, "adc_silent", "adc", 0, 10 / FRAME_HZ]]
     rates = [[0.0, 0.0], [540 / FRAME_HZ, 300.0]]
     given = {"seconds": seconds, "origin": "power_on", "rate_dps": rates, "rate_shape": "steps", "faults": faults}
-    config = changed(Config(), record.QUICK | {f"scenario.{key}": value for key, value in given.items()})
-    return config, record.quick_firmware(config)
+    config = changed(Config(), make_recordings.QUICK | {f"scenario.{key}": value for key, value in given.items()})
+    return config, make_recordings.quick_firmware(config)
 
 
 # Interpreted, because compiling the loop takes longer than a test may: some ticks with the design's own limit of the
@@ -264,7 +264,7 @@ def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
 def test_the_story_is_what_it_says():
     config = run.story()
     timeline = scenario.expand(config.scenario)
-    seen = {round(float(rate) / simulate.DEG) for rate in timeline.rate_rad_s.at(0, timeline.frames)}
+    seen = {round(float(rate) / simulate.DEG) for rate in timeline.rate_rad_s.frame_values(0, timeline.frames)}
     assert seen == {-300, 0, 300}
     assert [event.name for event in timeline.events] == ["adc_silent", "adc_silent"]
     assert timeline.ticks == 3_000_000

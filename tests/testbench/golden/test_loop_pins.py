@@ -21,7 +21,7 @@ from testbench.errors import ConfigError, FileError
 from testbench.golden import divergence
 from testbench.golden.bundles import bundle, recompute, top
 from testbench.golden.loop import judgement, library, pin_meter, run
-from testbench.golden.recording import record
+from testbench.golden.recording import make_recordings
 from testbench.run import build, simulate
 from tests.testbench.golden import loop_faults, loop_score, pin_tops
 from tests.testbench.rtl.test_rtl import RTL
@@ -30,7 +30,7 @@ VERILATOR = pytest.mark.skipif(
     any(shutil.which(name) is None for name in library.TOOLS), reason="no verilator or compiler: no loop around RTL"
 )
 PARAMS = build.firmware(Config())
-FACE = library.pin_face("mine", PARAMS, chips.parts(chips.of(Config().design)))
+FACE = library.pin_face("mine", PARAMS, chips.parts(chips.design_chips(Config().design)))
 DECLARED = {port: ("IN", width) for port, width in FACE.inputs.values()} | {
     port: ("OUT", fmt.width) for _, port, fmt in FACE.seen
 }
@@ -107,7 +107,7 @@ def test_lock_is_the_end_of_the_first_rest_behind_the_last_loss():
 
 def verdict(**given):
     (model, stretches), (yours, _) = measured(), measured(**given)
-    return judgement.judge(Config(), PARAMS, model, yours, stretches)
+    return judgement.assess_design(Config(), PARAMS, model, yours, stretches)
 
 
 def test_equal_runs_pass_and_each_deviation_fails_by_name():
@@ -307,7 +307,7 @@ def vhdl_player(folder, words, columns):
 @pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT run in the loop")
 def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
     """It plays words back through the library that the loop calls."""
-    columns, rng = top.block({}).pins, np.random.default_rng(8)
+    columns, rng = top.make_block({}).pins, np.random.default_rng(8)
     words = [int(word) for word in rng.integers(0, 1 << sum(p.width for p in columns), 300)]
     rtl = vhdl_player(tmp_path / "rtl", words, columns)
     listed = library.user_sources(rtl, "player", rtl / "player.f", tmp_path / "built")
@@ -325,7 +325,7 @@ def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
 
 @pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT read")
 def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
-    columns = top.block({}).pins
+    columns = top.make_block({}).pins
     rtl = vhdl_player(tmp_path / "rtl", [1, 2], columns)
     with pytest.raises(FileError, match=r"Player: GHDL writes names in lower case: call the top player"):
         library.user_sources(rtl, "Player", rtl / "player.f", tmp_path)
@@ -364,8 +364,8 @@ def story(frames=(800, 1080, 1360)):
     first, second, last = (frame / FRAME_HZ for frame in frames)
     rates = [[0.0, 0.0], [first, 300.0], [second, -300.0]]
     given = {"seconds": last, "origin": "power_on", "rate_dps": rates, "rate_shape": "steps"}
-    config = changed(Config(), record.QUICK | {f"scenario.{key}": value for key, value in given.items()})
-    return config, record.quick_firmware(config)
+    config = changed(Config(), make_recordings.QUICK | {f"scenario.{key}": value for key, value in given.items()})
+    return config, make_recordings.quick_firmware(config)
 
 
 def in_loop(kind, folder, clocks=None):
@@ -374,7 +374,7 @@ def in_loop(kind, folder, clocks=None):
     rtl = kind(folder / "rtl", firmware)
     if clocks:
         config = changed(config, {f"firmware.{key}": value for key, value in clocks.items()})
-        firmware = record.quick_firmware(config)
+        firmware = make_recordings.quick_firmware(config)
     return run.run(config, rtl, folder / "built", firmware=firmware, level=1, pins=run.Pins(pin_tops.TOP))
 
 
@@ -506,7 +506,9 @@ def test_two_clocks_in_the_sense_path(kind, tmp_path):
     # the model itself, with these clocks and without them
     config, firmware = story()
     late = changed(config, {f"firmware.{TWO[kind]}": 2})
-    model, other = (run.capture_pins(c, None, f) for c, f in ((config, firmware), (late, record.quick_firmware(late))))
+    model, other = (
+        run.capture_pins(c, None, f) for c, f in ((config, firmware), (late, make_recordings.quick_firmware(late)))
+    )
     verdict = run.judge_captures(config, firmware, other, model)
     for name, line in lines.items():
         same = next(k for k in verdict.lines if k.what.split(",")[0] == name)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from fpga_model import cordic, digital_sid, isqrt, modulator, rate_output, sequencer, sine
-from fpga_model.fixed import Fmt, bits, clamp, half_up, signed
+from fpga_model.fixed import Fmt, bits, clamp, half_up, signed_bits
 from testbench.golden import cli
 from testbench.golden.bundles import bundle, export
 from testbench.golden.ranges import range_report, ranges, wiring
@@ -196,10 +196,10 @@ RUNNER = """def run(p, s, stim, _regs, _pins):
 
 
 def planted(step):
-    fmt = signed(9)
+    fmt = signed_bits(9)
     block = Block(
         stem="planted",
-        inputs=(Port("x", signed(9)),),
+        inputs=(Port("x", signed_bits(9)),),
         state=Bad(),
         registers=(Port("a", fmt, 0), Port("b", fmt, 0)),
         pins=(),

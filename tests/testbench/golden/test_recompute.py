@@ -41,7 +41,7 @@ def reset():
 @pytest.fixture
 def design(reset, tmp_path):
     """The first two frames of `reset`, every clock of the second a row."""
-    top.write(top.begun(reset, 2, (recording.Window(3250, 3250, "second frame"),)), tmp_path / "reset")
+    top.write(top.first_frames(reset, 2, (recording.Window(3250, 3250, "second frame"),)), tmp_path / "reset")
     return tmp_path / "reset"
 
 

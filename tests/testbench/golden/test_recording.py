@@ -13,7 +13,7 @@ from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import FileError
 from testbench.flatten import names
 from testbench.golden.bundles import top as golden
-from testbench.golden.recording import record, recording, replay
+from testbench.golden.recording import make_recordings, recording, replay
 
 CLOSED = (*(pytest.param(case, marks=pytest.mark.slow) for case in ("story", "power_on")), "story_digital")
 ALL_STATES = set(range(len(sequencer.STATES)))
@@ -68,39 +68,39 @@ def test_firmware_still_does_what_it_did_in_the_closed_loop(seen, case):
     r, _, rows = seen(case)
     found = hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest()
     assert found == r.closed, (
-        f"{case}: the firmware has changed: python -m testbench.golden.recording.record {case} reset registers"
+        f"{case}: the firmware has changed: python -m testbench.golden.recording.make_recordings {case} reset registers"
     )
-    assert record.is_current(r)
+    assert make_recordings.is_current(r)
 
 
-@pytest.mark.parametrize("case", record.OF_STORY)
+@pytest.mark.parametrize("case", make_recordings.OF_STORY)
 def test_a_case_is_made_of_the_story_that_is_stored(case):
-    kept, again = recording.load(case), record.OF_STORY[case](recording.load("story"))
-    text = f"{case} is of another story: python -m testbench.golden.recording.record {case}"
+    kept, again = recording.load(case), make_recordings.OF_STORY[case](recording.load("story"))
+    text = f"{case} is of another story: python -m testbench.golden.recording.make_recordings {case}"
     assert recording.sha256(again) == recording.sha256(kept), text
-    assert record.find_windows(again) == kept.windows, text
+    assert make_recordings.find_windows(again) == kept.windows, text
 
 
-@pytest.mark.parametrize("case", record.OF_STORY)
+@pytest.mark.parametrize("case", make_recordings.OF_STORY)
 def test_a_case_is_not_made_of_an_old_story(monkeypatch, case):
     old = recording.load("story")._replace(closed="0" * 64)
-    monkeypatch.setattr(record.recording, "load", lambda name: old)
+    monkeypatch.setattr(make_recordings.recording, "load", lambda name: old)
     with pytest.raises(FileError, match="record story first"):
-        record.make(case)
+        make_recordings.make(case)
 
 
 def test_the_story_is_recorded_before_reset_whatever_the_order(monkeypatch):
     made = []
     r = recording.load("reset")
-    monkeypatch.setattr(record, "make", lambda name, progress: made.append(name) or r)
+    monkeypatch.setattr(make_recordings, "make", lambda name, progress: made.append(name) or r)
     monkeypatch.setattr(recording, "save", lambda r: None)
-    record.main(["reset", "story"])
+    make_recordings.main(["reset", "story"])
     assert made == ["story", "reset"]
 
 
 def test_closed_loop_gives_the_recorded_inputs_again():
     frames = 8
-    again = record.closed_loop("story", record.CASES["story"]._replace(frames=frames))
+    again = make_recordings.record_closed_loop("story", make_recordings.CASES["story"]._replace(frames=frames))
     kept = recording.load("story").stimulus
     end = frames * FRAME_CYCLES
     assert np.array_equal(again.stimulus.adc, kept.adc[kept.adc[:, 0] < end])
@@ -123,7 +123,7 @@ def test_story_locks_saturates_fails_and_is_safe_again(seen):
     state, flags = column["control.sequencer.state"], column["control.sequencer.faults.flags"]
     latch, word = column["control.sequencer.faults.latch"], column["control.rate_loop.loop.y"]
     lock = int(np.flatnonzero(state == sequencer.LOCKED)[0])
-    at = dict(record.RATES)
+    at = dict(make_recordings.RATES)
     assert lock < min(k for k in at if k)
     # rate steps of +-300 deg/s: a third of the force, with the right signs
     full = r.params.control.rate_loop.loop.hi
@@ -154,14 +154,14 @@ def test_digital_story_and_power_on_reach_lock(seen, case):
 
 
 def test_power_on_is_of_the_default_firmware():
-    assert recording.load("power_on").params == record.build.firmware(record.config.Config())
+    assert recording.load("power_on").params == make_recordings.build.firmware(make_recordings.config.Config())
 
 
 def test_reset_case_loses_lock_and_fails_a_search_and_writes_everything(seen):
     r, column, _ = seen("reset")
     assert max(column["control.sequencer.attempts"]) == 1
     host = r.stimulus.host
-    assert (host[:, 1] == 1).sum() == len(record.RESETS)
+    assert (host[:, 1] == 1).sum() == len(make_recordings.RESETS)
     written = set(host[host[:, 1] == 0, 2].tolist())
     assert set(range(1, 18)) - {6, 7} <= written
     assert any(address > 0x4C for address in written)
@@ -170,16 +170,16 @@ def test_reset_case_loses_lock_and_fails_a_search_and_writes_everything(seen):
 def test_reset_case_locks_with_fixed_words_that_change_and_holds_every_loop(seen):
     _, column, _ = seen("reset")
     state, control = column["control.sequencer.state"], column["control.sequencer.control"]
-    fixed = control & record.FIXES == record.FIXES
+    fixed = control & make_recordings.FIXES == make_recordings.FIXES
     for places in (state == sequencer.OPEN, state == sequencer.LOCKED):
         for name in ("rate_fixed", "quadrature_fixed"):
             assert len(set(column[f"registers.{name}"][fixed & places].tolist())) >= 4, name
     assert len(set(column["registers.amplitude_fixed"][state == sequencer.OPEN].tolist())) >= 4
-    held = control & record.HOLDS == record.HOLDS
+    held = control & make_recordings.HOLDS == make_recordings.HOLDS
     assert (held & (state >= sequencer.BALANCE)).sum() >= 2
 
 
-@pytest.mark.parametrize("case", [*CLOSED, *record.OF_STORY])
+@pytest.mark.parametrize("case", [*CLOSED, *make_recordings.OF_STORY])
 def test_windows_show_every_change_of_state(seen, case):
     r, column, _ = seen(case)
     shown = " ".join(w.shows for w in r.windows)

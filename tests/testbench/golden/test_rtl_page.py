@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from fpga_model import registers, wiring
-from fpga_model.block import declared, keys
+from fpga_model.block import block_modules, keys
 from fpga_model.rates import MASTER_HZ
 from testbench.golden.loop import library, run
 from testbench.golden.proofs import formal
@@ -28,7 +28,7 @@ def test_parameters_of_the_design():
     table = (RTL.parents[1] / "docs" / "rtl.md").read_text().partition("| block | parameters |")[2].partition("\n\n")[0]
     rows = [[re.findall(r"`(\w+)`", cell) for cell in line.split("|")[1:3]] for line in table.splitlines()[2:]]
     found = {stem: [name.lower() for name in names] for stems, names in rows for stem in stems}
-    modules = {stem: keys(module) for stem, module in declared().items()}
+    modules = {stem: keys(module) for stem, module in block_modules().items()}
     assert found.pop("top") == [], "all of these"
     parts = {module for role, (module, _) in wiring.instances().items() if role.startswith("control.")}
     assert set(found.pop("control")) == {key for module in parts for key in keys(module)}

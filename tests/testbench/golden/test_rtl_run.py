@@ -245,7 +245,7 @@ def test_the_whole_design_is_sent_to_its_own_bench(out, monkeypatch):
     with pytest.raises(FileError, match="golden/top/story: top is run by top_run"):
         rtl_run.check("golden/top/story", RTL)
     with pytest.raises(FileError, match="its own bench"):
-        compare.against(top, {"phase": [0]})
+        compare.compare_bundle(top, {"phase": [0]})
 
 
 def test_the_example_of_the_page_is_the_output(out, tmp_path):

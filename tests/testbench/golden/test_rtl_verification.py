@@ -101,7 +101,7 @@ def test_one_score_alone_keeps_the_others(tmp_path, monkeypatch):
     )
     rtl_verification.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["top"]))
     left = json.loads((tmp_path / scores.MUTATION).read_text())
-    assert left[:-1] == scores.known_scores()["mutation"][:-1]
+    assert left[:-1] == scores.stored_scores()["mutation"][:-1]
     assert (left[-1]["mutants"], left[-1]["killed"]) == (9, 7)
     with pytest.raises(ConfigError, match="--only: 'ddds' is not one of dds, sine"):
         rtl_verification.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["ddds"]))

@@ -21,7 +21,7 @@ sys.path.append(str(Path(__file__).resolve().parents[3] / "docs"))
 import rtl_page
 
 MEASURE = "python -m testbench.golden.rtl_verification mutation --only BLOCK; python docs/rtl_page.py scores"
-ENTRIES = {e["block"]: e for e in scores.known_scores()["mutation"]}
+ENTRIES = {e["block"]: e for e in scores.stored_scores()["mutation"]}
 
 
 def test_every_block_and_the_wiring_meet_their_limits():
@@ -69,13 +69,13 @@ def test_comments_and_spaces_are_no_part_of_a_design(tmp_path):
 
 
 def test_the_page_holds_what_was_measured():
-    found = scores.known_scores()
+    found = scores.stored_scores()
     assert part("mutation") == rtl_page.scores_table(found["mutation"])
     assert part("times") == rtl_page.times(found["times"])
 
 
 def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
-    kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.known_scores()["times"]
+    kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.stored_scores()["times"]
     shutil.copy(scores.FILE, kept)
     shutil.copy(rtl_page.PAGE, page)
     monkeypatch.setattr(scores, "FILE", kept)
@@ -88,5 +88,5 @@ def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
     assert rtl_page.main(["scores", str(tmp_path)]) == 0
     assert json.loads(kept.read_text())["times"] == before | times
     assert json.loads(kept.read_text())["mutation"] == list(ENTRIES.values())
-    assert rtl_page.times(scores.known_scores()["times"]) in page.read_text()
+    assert rtl_page.times(scores.stored_scores()["times"]) in page.read_text()
     assert "| loop | passed | 1 | 2 |" in page.read_text()

@@ -49,7 +49,7 @@ def test_the_map_of_a_bundles_own_waveform_begins_at_its_first_edge(bundles, tmp
 
 def test_a_signal_suggests_itself_for_one_port_alone_and_only_at_its_width():
     found = [signals.Signal("t.dut.acc_q", 8), signals.Signal("t.dut.acc", 9), signals.Signal("t.dut.gain", 8)]
-    assert signals.suggested([("acc", 8), ("acc2", 8), ("flag", 1)], found) == {"acc": "t.dut.acc_q"}
+    assert signals.suggest_signals([("acc", 8), ("acc2", 8), ("flag", 1)], found) == {"acc": "t.dut.acc_q"}
     text = signals.skeleton([signals.Signal("t.clk", 1), signals.Signal("t.reset_n", 1), *found])
     assert '[clock]\nsignal = "t.clk"\n[reset]\nsignal = "t.reset_n"\nactive = 0\n' in text
     assert '# port = "t.dut.gain"' in text

@@ -50,7 +50,7 @@ def played(out):
 @pytest.fixture(scope="module")
 def design():
     r = recording.load(CASE)
-    return top.block({CASE: r.params})
+    return top.make_block({CASE: r.params})
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def test_bundle_is_complete_and_reads_back(out, design):
 
 
 def test_every_register_of_the_design_is_a_port_with_its_rules(design):
-    assert [p.name for p in design.registers] == [blocks.flat(name) for name, _ in leaves(firmware.State())]
+    assert [p.name for p in design.registers] == [blocks.port_name(name) for name, _ in leaves(firmware.State())]
     rules = {p.name: (p.rounding, p.overflow) for p in design.registers}
     assert rules["control_agc_loop_acc"] == ("half_up", "saturate")
     assert rules["drive_modulator_code"] == ("half_up", "saturate")
@@ -170,7 +170,7 @@ def test_an_export_loads_neither_plant_nor_engine():
         "testbench.engines.engine",
         "testbench.run.build",
         "testbench.run.simulate",
-        "testbench.golden.recording.record",
+        "testbench.golden.recording.make_recordings",
     }
 
 
@@ -189,7 +189,7 @@ def test_the_page_states_the_cases_and_the_frames_that_are_run():
     page = (RTL.parents[1] / "docs" / "golden.md").read_text()
     for case in top.CASES:
         r = recording.load(case)
-        cells = f"| `{case}` | {r.frames} | {r.frames * FRAME_CYCLES} | {len(top.clocks_of(r))} |"
+        cells = f"| `{case}` | {r.frames} | {r.frames * FRAME_CYCLES} | {len(top.row_clocks(r))} |"
         assert cells in page
     for sim, frames in DEFAULT_FRAMES.items():
         assert f"| {sim} | {frames or 'all'} |" in page

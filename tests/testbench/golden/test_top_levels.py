@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli
-from testbench.golden.bundles import bundle, recompute, top, wrap
+from testbench.golden.bundles import adapted_bundle, bundle, recompute, top
 from testbench.golden.check import design_run, rtl_run, top_run
 from testbench.golden.recording import board_pins, recording, replay, signature
 from tests import naive
@@ -36,19 +36,19 @@ def words(out):
     """Packed pins of every clock."""
     r = recording.load(CASE)
     pins = replay.run(r.params, r.stimulus, FRAMES, np.arange(FRAMES * FRAME_CYCLES)).pins
-    return bundle.pack(pins, [p.width for p in top.block({CASE: r.params}).pins])
+    return bundle.pack(pins, [p.width for p in top.make_block({CASE: r.params}).pins])
 
 
 @pytest.fixture(scope="module")
 def pins(out):
-    wrap.pins_of(out, "pins", out.with_name("pins"))
+    adapted_bundle.write_pin_bundle(out, "pins", out.with_name("pins"))
     return out.with_name("pins")
 
 
 @pytest.fixture(scope="module")
 def bare():
     """The design with nothing but pins."""
-    return top.block({CASE: recording.load(CASE).params})._replace(registers=())
+    return top.make_block({CASE: recording.load(CASE).params})._replace(registers=())
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def pins_rtl(tmp_path_factory):
     text = (folder / "top.v").read_text()
     listed = re.findall(r"(?m)^ +output (wire +(?:signed )?(?: *\[.*\])? *r_\w+),.*\n", text)
     text = re.sub(r"(?m)^ +output wire .*\br_\w+,.*\n", "", text)
-    assert len(listed) == len(top.block({}).registers)
+    assert len(listed) == len(top.make_block({}).registers)
     assert "output wire" in text
     (folder / "top.v").write_text(text.replace("\n);\n", "\n);\n" + "".join(f"{net};\n" for net in listed), 1))
     return folder
@@ -156,7 +156,7 @@ def test_a_map_gives_the_whole_design_names_of_its_own(out, chip, tmp_path):
 def test_make_check_of_a_wrapped_whole_design_needs_no_python(out, chip, tmp_path):
     need("iverilog")
     folder, names = chip
-    wrap.pins_of(out, "pins", tmp_path / "pins", names)
+    adapted_bundle.write_pin_bundle(out, "pins", tmp_path / "pins", names)
     goals = ["SIM=icarus", f"RTL={folder}", "FILES=chip.f", "PYTHON=/nonexistent"]
     done = make(tmp_path / "pins", *goals)
     assert done.returncode == 0, done.stdout
@@ -264,7 +264,7 @@ def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
     ):
         (tmp_path / "late.toml").write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{ports}\n')
         with pytest.raises(FileError, match=said):
-            wrap.pins_of(out, "pins", tmp_path / "new", latency=tmp_path / "late.toml")
+            adapted_bundle.write_pin_bundle(out, "pins", tmp_path / "new", latency=tmp_path / "late.toml")
     with pytest.raises(FileError, match="latency is of level pins or outputs"):
         top_run.check(out, RTL, choice=design_run.Choice(latency=tmp_path / "late.toml"))
     with pytest.raises(ConfigError, match="--map, --top: the whole design has names of its own at --level pins"):
@@ -273,15 +273,15 @@ def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
         top_run.check(out, RTL, choice=design_run.Choice(top="gyro_top", level="pins"))
     (tmp_path / "later.toml").write_text(CHIP.replace("[reset]", '[reset]\nstyle = "async"'))
     with pytest.raises(ConfigError, match=r"later\.toml: reset.style: 'async' is not 'sync'"):
-        wrap.pins_of(out, "pins", tmp_path / "new", tmp_path / "later.toml")
+        adapted_bundle.write_pin_bundle(out, "pins", tmp_path / "new", tmp_path / "later.toml")
     with pytest.raises(ConfigError, match="level: 'registers' is not a level of"):
         top_run.check(pins, RTL, choice=design_run.Choice(level="registers"))
     with pytest.raises(ConfigError, match="level: 'bits' is not a level of"):
         top_run.check(out, RTL, choice=design_run.Choice(level="bits"))
     with pytest.raises(ConfigError, match="level: 'registers' is not one of pins, outputs"):
-        wrap.pins_of(out, "registers", tmp_path / "new")
+        adapted_bundle.write_pin_bundle(out, "registers", tmp_path / "new")
     with pytest.raises(FileError, match="exists and is not an empty folder"):
-        wrap.pins_of(out, "pins", pins)
+        adapted_bundle.write_pin_bundle(out, "pins", pins)
     with pytest.raises(FileError, match="no design for any simulator"):
         top_run.check(out, tmp_path)
     with pytest.raises(FileError, match="is run by top_run"):
@@ -373,13 +373,13 @@ def test_make_check_of_pins_that_come_later(bare, tmp_path, sim):
         'schema = "gyro-latency/1.0"\n[ports]\n' + "".join(f"{name} = {k}\n" for name, k in LATE.items())
     )
     frames = 2
-    r = top.begun(recording.load(CASE), frames, (recording.Window(3000, 600, "resets"),))
+    r = top.first_frames(recording.load(CASE), frames, (recording.Window(3000, 600, "resets"),))
     resets = np.array([[clock, 1, 0, 0] for clock in (3100, 3101, 3500)])
     kept = r.stimulus.host[~np.isin(r.stimulus.host[:, 0], resets[:, 0])]
     host = np.concatenate([kept, resets])
     r = r._replace(stimulus=r.stimulus._replace(host=host[np.argsort(host[:, 0])]))
     manifest = top.write(r, tmp_path / "whole")
-    wrap.pins_of(tmp_path / "whole", "pins", tmp_path / "pins", latency=tmp_path / "late.toml")
+    adapted_bundle.write_pin_bundle(tmp_path / "whole", "pins", tmp_path / "pins", latency=tmp_path / "late.toml")
     recompute.recompute(tmp_path / "pins")
     rows = replay.run(r.params, r.stimulus, frames, np.arange(frames * FRAME_CYCLES), registers=False).pins
     words = [int(word) for word in bundle.pack(rows, [p.width for p in bare.pins])]

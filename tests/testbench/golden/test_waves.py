@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fpga_model.fixed import Fmt, bits, signed
+from fpga_model.fixed import Fmt, bits, signed_bits
 from testbench.errors import FileError
 from testbench.golden.check import vcd_log
 from testbench.golden.check.waves import Map, check, read_log, read_map
@@ -70,7 +70,7 @@ def asked(**more):
 
 
 def test_a_row_is_what_was_there_before_the_edge(tmp_path):
-    found = read_log(vcd(tmp_path), asked(), {"q": signed(4)})["q"]
+    found = read_log(vcd(tmp_path), asked(), {"q": signed_bits(4)})["q"]
     assert found.known.tolist() == [False, True, True, True]
     assert found.values.tolist()[1:] == [0, 1, -2]
 
@@ -89,7 +89,7 @@ def test_first_edge_and_the_falling_edge(tmp_path):
 
 def test_a_slice_of_a_signal(tmp_path):
     signals = asked(ports={"high": "tb.dut.q[3:1]", "low": "tb.dut.q[0]"})
-    found = read_log(vcd(tmp_path), signals, {"high": signed(3), "low": bits(1)})
+    found = read_log(vcd(tmp_path), signals, {"high": signed_bits(3), "low": bits(1)})
     assert found["high"].values.tolist()[1:] == [0, 0, -1]
     assert found["low"].values.tolist()[1:] == [0, 1, 0]
 
@@ -129,7 +129,7 @@ def test_a_broken_dump_or_map_is_one_clear_line(tmp_path, text, signals, fmt, sa
 def test_csv_in_decimal_and_hex(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("row, q, code\n0,1,-3\n1,0xe,0x7fffd\n2,x,5\n")
-    found = read_log(path, Map({"q": "q", "c": "code"}, "", True, None, 0), {"q": signed(4), "c": Fmt(1, 18, 0)})
+    found = read_log(path, Map({"q": "q", "c": "code"}, "", True, None, 0), {"q": signed_bits(4), "c": Fmt(1, 18, 0)})
     assert found["q"].values.tolist()[:2] == [1, -2]
     assert found["q"].known.tolist() == [True, True, False]
     assert found["c"].values.tolist() == [-3, -3, 5]

@@ -44,7 +44,7 @@ def planted(rules, per_rule, seed):
 
 def registers_of(fault):
     """Names that the registers and pins of a fault have in the whole design."""
-    stems = {path: module.__name__.rpartition(".")[2] for path, module in wiring.within(run.fpga.State)}
+    stems = {path: module.__name__.rpartition(".")[2] for path, module in wiring.nested_blocks(run.fpga.State)}
     paths = [path.replace(".", "_") for path, stem in stems.items() if stem == fault.stem]
     names = {f"{path}_{name}" for path in paths for name in fault.registers}
     return (
@@ -73,7 +73,7 @@ def built(place, config, firmware, faults, level):
         rtl = loop_faults.write_registers(place / "rtl", faults)
         return rtl, library.build(rtl, firmware, place / "built", 1), None
     rtl = loop_faults.write(place / "rtl", firmware, faults)
-    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.of(config.design)))
+    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.design_chips(config.design)))
     listed = library.user_sources(rtl, face.top, rtl / "all.f")
     return rtl, library.build(rtl, firmware, place / "built", 1, face, listed), face
 

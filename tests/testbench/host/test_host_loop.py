@@ -46,7 +46,7 @@ def test_two_thousand_samples_are_the_models_and_a_rate_is_measured(tmp_path):
     pytest.importorskip("systemrdl", reason="systemrdl-compiler is not installed: the C driver was NOT tried")
     from testbench.register_map import export as register_map
 
-    sim, rate_rad_s = export.locked(Config())
+    sim, rate_rad_s = export.locked_simulation(Config())
     export.write_loop(tmp_path, sim, rate_rad_s)
     register_map.export(tmp_path / "map")
     shutil.copy(HERE / "locked_host.cpp", tmp_path / "loop.cpp")

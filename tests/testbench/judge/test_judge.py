@@ -114,12 +114,12 @@ def test_a_change_of_one_case_is_one_line(tmp_path):
 
 def test_every_number_has_exactly_one_declared_rule():
     for n in LISTED:
-        rule = roles.rule_of(n)
+        rule = roles.matching_rule(n)
         assert rule is not roles.OTHER, n.key
         assert rule.role in ROLES
         assert rule.claim in judge.CLAIMS
         assert rule.rests_on or rule.role in ("none", "input"), n.key
-    used = {roles.rule_of(n) for n in LISTED}
+    used = {roles.matching_rule(n) for n in LISTED}
     assert set(roles.RULES) == used, "a rule that no number has"
 
 
@@ -218,8 +218,8 @@ def test_without_a_model_nothing_is_predicted_and_no_table_is_available():
 
 def test_what_is_put_in_otherwise_is_contradicted():
     n = number("|fy-fx|", "device")
-    assert judge.judge(n, Model("", settings={n.quantity: (139.2,)}), LISTED).verdict == INPUT
-    assert judge.judge(n, Model("", settings={n.quantity: (20.0,)}), LISTED).verdict == CONTRADICTED
+    assert judge.judge_number(n, Model("", settings={n.quantity: (139.2,)}), LISTED).verdict == INPUT
+    assert judge.judge_number(n, Model("", settings={n.quantity: (20.0,)}), LISTED).verdict == CONTRADICTED
 
 
 # ---- what has no simulation ------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, 
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
 from testbench.measured.record.plan import Condition
 from testbench.measured.residual.parameters import Parameter
-from testbench.tracing.problem.result import plain
+from testbench.tracing.problem.result import plain_value
 from testbench.tracing.problem.space import Space
 from testbench.tracing.trace import Options
 
@@ -90,7 +90,7 @@ def told(kind, seed, truth, result, seconds):
     out["heldout_chi2"], out["sentence"] = result.heldout_chi2, result.sentence
     out["numerical"] = result.certificates.get("numerical", {}).get("sigma")
     out["seconds"] = round(seconds, 1)
-    return plain(out)
+    return plain_value(out)
 
 
 def _is(effects, names):
@@ -107,7 +107,7 @@ class Bank:
 
     def __init__(self, conditions, threads=loop_runs.THREADS, priors=PRIORS, only=None):
         self.conditions, self.repeats, self.priors = conditions, REPEATS, priors
-        self.bench, self.kept = loop_runs.Bench(threads), loop_problem.Kept()
+        self.bench, self.kept = loop_runs.Bench(threads), loop_problem.LoopCache()
         self.model = configuration.Config()
         self.catalogue, self.library = (
             tuple(c for c in laws if only is None or c.law.name in only)
@@ -235,7 +235,7 @@ def recorded(bank, problem, kind, seed, theta, effects, texts):
 
     def powered(c, number):
         """A power-on, with a frequency and a phase of its own."""
-        own = problem.moved_hz(board, loop_noise.JITTER_HZ * rng.normal())
+        own = problem.shift_drive_mode(board, loop_noise.JITTER_HZ * rng.normal())
         return Run(own, c, TRUE_SEED + 10_000 * seed + number, late=int(rng.integers(loop_runs.LATE)))
 
     runs = [powered(c, 100 * i + r) for i, c in enumerate(bank.conditions) for r in range(bank.repeats[c.role])]

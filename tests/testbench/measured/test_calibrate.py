@@ -21,7 +21,7 @@ class Toy:
 
     name = "toy"
 
-    def driven(self, config, drive):
+    def driven_codes(self, config, drive):
         p = config.plant
         shape = np.linspace(1.0, 2.0, len(drive.driven))
         gains = (
@@ -49,7 +49,7 @@ def recorded(small, truth, rows):
     config = SimpleNamespace(plant=PLANT.model_copy(update=truth))
     for session in calibrate.residuals.sessions(record):
         drive = SimpleNamespace(driven=np.zeros(session.frames))
-        codes = Toy().driven(config, drive)
+        codes = Toy().driven_codes(config, drive)
         for k, name in enumerate(("adc_xI", "adc_xQ", "adc_yI", "adc_yQ")):
             data = record.streams[name].data
             data[session.rows] = np.round(codes[:, k] + 30 * rng.normal(size=session.frames))
@@ -135,13 +135,13 @@ def test_what_cannot_be_fitted_is_refused(small, rows, line):
         priors(rows) if rows else {k: c._replace(data=c.data[:0]) for k, c in priors(THREE).items()}
     )
     with pytest.raises(ConfigError, match=line):
-        parameters.declared(record)
+        parameters.read_parameters(record)
 
 
 def test_coordinates_and_values_are_inverse(small):
     record = copy.deepcopy(small)
     record.tables["priors"] = priors(BOTH)
-    for p in parameters.declared(record):
+    for p in parameters.read_parameters(record):
         assert p.logarithmic == (p.key != "plant.kxy_n_per_m")
         assert p.value(0.0) == p.mean
         assert p.coordinate(p.value(0.37)) == pytest.approx(0.37, rel=1e-12)

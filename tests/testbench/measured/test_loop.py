@@ -78,7 +78,7 @@ def test_candidates_have_one_name_and_one_law_each():
     assert len(set(names)) == len(names)
     for c in everything:
         assert bool(c.key) != bool(c.factors)
-        for text in c.texts(1.5):
+        for text in c.law_texts(1.5):
             assert law.parse(text).coefficient == 1.5
 
 
@@ -145,11 +145,11 @@ def test_the_way_from_an_anchor_bounds_what_the_engine_differs_by(request, fixtu
     # what a checkpoint keeps of a first look must not serve this anchor
     assert problem.hashes["anchor"] != looked
     effects = {law: problem.candidates[law].law.scale}
-    effects[law] *= 5.0 / problem.distance(problem.first, effects)["sigma"]
-    way = problem.distance(problem.first, effects)
+    effects[law] *= 5.0 / problem.anchor_certificate(problem.first, effects)["sigma"]
+    way = problem.anchor_certificate(problem.first, effects)
     assert way["sigma"] == pytest.approx(5.0, rel=1e-6)
     assert problem.check(problem.first, effects)["sigma"] < way["sigma"] / 5
-    assert problem.distance(*problem.at)["sigma"] == 0.0
+    assert problem.anchor_certificate(*problem.at)["sigma"] == 0.0
 
 
 RESPONDED = (
@@ -171,7 +171,7 @@ def test_a_few_responses_give_the_columns_of_all_laws(bank):
     other.bench, other.kept = bank.bench, bank.kept
     problem = other.blank()
     for name in RESPONDED:
-        (own,), (given,) = problem.tangents.alone(name).values(), problem.column(name).values()
+        (own,), (given,) = problem.tangents.direct_column(name).values(), problem.column(name).values()
         k = problem._rows["large"]
         own, given = problem.whiten(k, own), problem.whiten(k, given)
         assert np.linalg.norm(own) > 0, name
@@ -209,7 +209,7 @@ def test_a_first_step_far_beyond_what_the_plant_bears_is_shortened_until_it_runs
     monkeypatch.setattr(problem.tangents, "_first_step", lambda name: 1e7 * first)
     column = problem.column(name)
     assert all(np.isfinite(v).all() for v in column.values())
-    assert problem.tangents._size(column) * problem.tangents.steps[name] > loop_tangents.SEEN
+    assert problem.tangents._change_sigmas(column) * problem.tangents.steps[name] > loop_tangents.SEEN
 
 
 @pytest.mark.slow
@@ -228,7 +228,7 @@ def test_a_law_that_the_data_do_not_see_changes_no_bit_of_a_prediction(whole_bla
 def test_a_board_with_even_references_goes_on_from_any_tick_of_one_without():
     """An edge between both boards' pins is not missed: 45 ticks are half a period. On its own nothing changes."""
     own = configuration.Config()
-    boards = [build.params(c, 25.0, 25.0) for c in (own, loop_tangents.even(own))]
+    boards = [build.params(c, 25.0, 25.0) for c in (own, loop_tangents.use_uniform_references(own))]
     sim = Simulation(own, 25.0, 25.0)
     assert simulate.start(own, sim, 0.0, 25.0) is not None
     differ, rate, temp = 0, np.zeros(17), np.full(17, 25.0)
@@ -237,11 +237,11 @@ def test_a_board_with_even_references_goes_on_from_any_tick_of_one_without():
         pins = [references.pins(p.fpga.references, sim.state.fpga.references) for p in boards]
         differ += pins[0] != pins[1]
         before = sim.state.plant.switch.copy()
-        loop_runs.switched(boards[0], sim.state)
+        loop_runs.match_switches(boards[0], sim.state)
         np.testing.assert_array_equal(sim.state.plant.switch, before)
         s = sim.state._replace(plant=plant.copy(sim.state.plant))
         out = engine.streams(0, 17, 0, 0, 0)
-        s = loop_runs.switched(boards[1], s)
+        s = loop_runs.match_switches(boards[1], s)
         # raises where a reference is not what the clocked engine makes of it
         baseband.run(boards[1], s, 2000, rate, temp, engine.NO_WRITE, engine.Faults(), out)
     assert differ >= 2
@@ -249,7 +249,7 @@ def test_a_board_with_even_references_goes_on_from_any_tick_of_one_without():
 
 def test_boards_power_on_side_by_side_as_alone(bank):
     c = bank.conditions[0]
-    told = [loop_runs.configuration_of(problem, k) for k, problem in enumerate([Model(bank.model)] * 3)]
+    told = [loop_runs.seeded_config(problem, k) for k, problem in enumerate([Model(bank.model)] * 3)]
     ticks = 400 * FRAME_TICKS
     together = loop_runs.power_on([loop_runs.switched_on(cfg, c) for cfg in told], ticks)
     alone = [loop_runs.power_on([loop_runs.switched_on(cfg, c)], ticks)[0] for cfg in told]
@@ -295,7 +295,7 @@ def test_laws_of_one_first_harmonic_are_one_law(blank):
 def test_whitened_noise_is_white(bank, blank):
     """Power-ons of the exact engine, with frequencies and phases of their own, have one sigma per feature."""
     c, rng = bank.conditions[1], np.random.default_rng(9)
-    models = [blank.moved_hz(Model(bank.model), loop_noise.JITTER_HZ * rng.normal()) for _ in range(16)]
+    models = [blank.shift_drive_mode(Model(bank.model), loop_noise.JITTER_HZ * rng.normal()) for _ in range(16)]
     runs = [Run(m, c, 900 + k, late=int(rng.integers(loop_runs.LATE))) for k, m in enumerate(models)]
     rows = np.array(bank.bench.run(runs, EXACT))
     gain = Space(blank, "fit").gain * np.sqrt(16 / 15)
@@ -344,7 +344,7 @@ def test_a_board_that_loses_its_lock_is_drawn_again(monkeypatch, lost, board):
 @pytest.mark.slow
 def test_fresh_draws_scatter_along_the_laws_as_draws_left_out_do(whole_blank, monkeypatch):
     fresh = copy.copy(whole_blank)
-    fresh.kept = loop_problem.Kept()
+    fresh.kept = loop_problem.LoopCache()
     monkeypatch.setattr(loop_anchor, "FIRST_DRAW", 2 * loop_anchor.FIRST_DRAW)
     rows = fresh._draws(loop_noise.NOISE_DRAWS, power_on=True)
     fitted = {c.id: loop_runs.size(c) for c in whole_blank.recorded.conditions if c.role == "fit"}
@@ -352,7 +352,7 @@ def test_fresh_draws_scatter_along_the_laws_as_draws_left_out_do(whole_blank, mo
         g: loop_noise.deviations(rows[g][:, :size]).T / np.sqrt(len(whole_blank.recorded.values[g]))
         for g, size in fitted.items()
     }
-    along = np.mean(whole_blank.pseudo(one) ** 2) / np.mean(whole_blank.fitted(one) ** 2)
+    along = np.mean(whole_blank.pseudo(one) ** 2) / np.mean(whole_blank.stack_fit_rows(one) ** 2)
     assert along == pytest.approx(whole_blank.noise_along, rel=0.2)
     assert along > 1.1
 

@@ -33,7 +33,7 @@ def worth():
     for _ in range(5):
         true = {k: covariance(rng) for k in range(6)}
         draws = drawn(rng, true)
-        noise, gain = loop_noise.noise_of(draws), loop_noise.gain_of(draws)
+        noise, gain = loop_noise.estimate_noise(draws), loop_noise.compute_noise_gain(draws)
         for k, c in true.items():
             n = noise[k]
             stated = (n.chol @ n.chol.T) * np.outer(n.sigma, n.sigma)
@@ -48,7 +48,7 @@ def worth():
 def test_deviations_are_worth_what_they_state(monkeypatch):
     """Conditions whose noise is unlike: correlations that are pooled and nothing else state too little."""
     kept = worth()
-    monkeypatch.setattr(loop_noise, "OWN", 0.0)
+    monkeypatch.setattr(loop_noise, "CONDITION_WEIGHT", 0.0)
     pooled = worth()
     assert 0.97 < kept < 1.03 < pooled
 
@@ -56,7 +56,7 @@ def test_deviations_are_worth_what_they_state(monkeypatch):
 def test_draws_have_unit_variance_in_their_own_noise():
     rng = np.random.default_rng(5)
     draws = drawn(rng, {k: covariance(rng) for k in range(6)})
-    noise, square = loop_noise.noise_of(draws), []
+    noise, square = loop_noise.estimate_noise(draws), []
     for k, (rows, _) in draws.items():
         z = np.linalg.solve(noise[k].chol, (rows - rows.mean(axis=0)).T / noise[k].sigma[:, None])
         square.append(z.var(axis=1, ddof=1).mean())
@@ -67,4 +67,4 @@ def test_too_few_draws_for_many_features_are_refused():
     rng = np.random.default_rng(1)
     rows = rng.normal(size=(loop_noise.NOISE_DRAWS, OBSERVABLES * 8))
     with pytest.raises(ConfigError, match="63 deviations for 64 features"):
-        loop_noise.noise_of({"a": (rows, np.zeros(OBSERVABLES * 8))})
+        loop_noise.estimate_noise({"a": (rows, np.zeros(OBSERVABLES * 8))})

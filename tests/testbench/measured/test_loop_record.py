@@ -28,7 +28,7 @@ def test_held_out_dwells_of_a_fitted_power_on_are_not_of_another_session(monkeyp
     dwells = [Row(first=first, role=role) for first, role in zip((100, 500, 1100), roles)]
     monkeypatch.setattr(loop_record, "sessions", lambda record: [Row(first=0), Row(first=1000)])
     monkeypatch.setattr(loop_record, "segments", lambda record: dwells)
-    assert loop_record.held_out_apart(None) == apart
+    assert loop_record.has_independent_holdout(None) == apart
 
 
 def test_set_points_are_those_of_the_registers_to_the_last_bit(small):

@@ -5,7 +5,7 @@ import pytest
 
 from testbench import config
 from testbench.measured.closed_loop import loop_runs
-from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.record.plan import Condition
 
@@ -21,7 +21,9 @@ def bench():
 def change(bench, condition, law):
     """Change of V_q^2 in a dwell by a law."""
     own = config.Config()
-    base, moved = (Run(Model(even(own), laws), condition, 3, own, 0, True) for laws in ((), (LAW.format(law),)))
+    base, moved = (
+        Run(Model(use_uniform_references(own), laws), condition, 3, own, 0, True) for laws in ((), (LAW.format(law),))
+    )
     rows = bench.run([base, moved], FAST)
     count = loop_runs.size(condition) // len(loop_runs.NAMES)
     first = count * loop_runs.NAMES.index("v_q2")
@@ -41,10 +43,10 @@ def test_a_law_of_the_time_from_power_on_has_that_of_the_dwell(bench, settle_s):
 def test_a_law_that_begins_with_the_run_is_forgotten_at_the_dwell(bench, monkeypatch):
     """Against twice the time: the remainder is below a thousandth, and shorter runs leave more."""
     known = change(bench, CONDITION, "")
-    monkeypatch.setattr(loop_runs, "HELD_S", 5.5)
+    monkeypatch.setattr(loop_runs, "LOCK_SETTLE_S", 5.5)
     longer = change(bench, CONDITION._replace(settle_s=4.0), "")
     assert known == pytest.approx(longer, rel=1e-3)
-    monkeypatch.setattr(loop_runs, "HELD_S", 0.5)
+    monkeypatch.setattr(loop_runs, "LOCK_SETTLE_S", 0.5)
     assert change(bench, CONDITION, "") != pytest.approx(longer, rel=1e-3)
 
 
@@ -60,5 +62,5 @@ def test_a_board_that_locks_late_is_waited_for(bench):
     condition = CONDITION._replace(a_um=4.0, from_dps=150.0, rate_dps=-60.0, temperature_degc=65.0, detune_deg=-30.0)
     own = config.Config()
     slow = config.changed(own, {f"plant.{key}": getattr(own.plant, key) * share for key, share in SLOW.items()})
-    assert bench.locked(own, condition).tick == loop_runs.START_TICKS
-    assert bench.locked(slow, condition).tick == 2 * loop_runs.START_TICKS
+    assert bench.locked_state(own, condition).tick == loop_runs.START_TICKS
+    assert bench.locked_state(slow, condition).tick == 2 * loop_runs.START_TICKS

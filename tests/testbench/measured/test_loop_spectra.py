@@ -34,7 +34,7 @@ def recorded(rng, made, dwells=DWELLS):
 
 def found(rng, made):
     model = recorded(rng, white, 5)
-    return findings.of_frames(recorded(rng, made), model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ)
+    return findings.frame_findings(recorded(rng, made), model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ)
 
 
 def test_a_louder_channel_is_told_with_its_level_and_no_other():
@@ -67,11 +67,11 @@ def test_right_noise_is_seldom_told():
 def test_a_short_dwell_has_no_densities():
     streams = {name: np.zeros(2000) for name in loop_spectra.CHANNELS}
     assert loop_spectra.densities(streams, 2000) is None
-    assert findings.of_frames({}, {}, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ) == []
+    assert findings.frame_findings({}, {}, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ) == []
 
 
 def test_repeats_tell_octaves_that_chance_does_not_explain():
     octaves = (Octave("force", 1, 2, 4.0, 40, 4.0, 42.0), Octave("force", 3, 3, 1.3, 8, 1.3, 10.0))
-    (one,) = findings.of_repeats(Noise(octaves, 1e-6, "", "", 48))
+    (one,) = findings.repeat_findings(Noise(octaves, 1e-6, "", "", 48))
     assert (one.channel, one.ratio, one.source) == ("force", 2.0, "repeats")
     assert one.low < 2.0 < one.high

@@ -22,10 +22,10 @@ class _Loop(Anchored, adds="wall error anchored checked edge"):
         self.at = theta, effects
         self.anchored.append((theta, self.draws))
 
-    def distance(self, theta, effects):
+    def anchor_certificate(self, theta, effects):
         return {"sigma": abs(theta - self.at[0])}
 
-    def beyond(self, theta):
+    def prior_overrun(self, theta):
         return "plant.qy: beyond" if theta > self.edge else ""
 
     def check(self, theta, effects):
@@ -50,7 +50,7 @@ def _trace(monkeypatch, problem, arrived):
             return self.where, {"law": 1.0}
 
         def conclude(self):
-            return Result("x", "unexplained" if verdict.blocks(problem, True) else "named", "")
+            return Result("x", "unexplained" if verdict.naming_obstacle(problem, True) else "named", "")
 
     monkeypatch.setattr(loop_trace, "Tracer", Tracer)
     return loop_trace.run(problem)[1]

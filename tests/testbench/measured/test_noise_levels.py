@@ -24,7 +24,7 @@ def _rows(rng, level, count):
 def test_many_repeats_tell_the_level(true):
     level, gain = noise_levels.likeliest(_rows(np.random.default_rng(1), true, 200), WHITE, SLOW)
     assert level == pytest.approx(true, rel=0.1)
-    assert (gain > noise_levels.TOLD) == (true > 1)
+    assert (gain > noise_levels.REPORT_GAIN) == (true > 1)
 
 
 def test_few_repeats_tell_a_level_in_the_mean_and_nothing_is_told_where_there_is_none():
@@ -33,7 +33,7 @@ def test_few_repeats_tell_a_level_in_the_mean_and_nothing_is_told_where_there_is
     low = [noise_levels.likeliest(_rows(rng, 1.0, 1), WHITE, SLOW) for _ in range(200)]
     assert np.median([level for level, _ in high]) == pytest.approx(3.0, rel=0.2)
     assert np.median([level for level, _ in low]) < 1.2
-    assert sum(gain > noise_levels.TOLD for _, gain in low) <= 1
+    assert sum(gain > noise_levels.REPORT_GAIN for _, gain in low) <= 1
 
 
 def test_without_repeats_and_with_a_code_that_does_not_scatter_the_level_is_the_declared_one():
@@ -57,7 +57,7 @@ def test_the_page_has_these_numbers():
     assert f"(ln s / ln {np.exp(noise_levels.PRIOR):g})^2,  {first:g} <= s <= {last:g}" in page
     words = {3: "three longest bins", 4: "four sigmas"}
     assert words[noise_levels.BINS] in page
-    assert words[np.sqrt(noise_levels.TOLD)] in page
+    assert words[np.sqrt(noise_levels.REPORT_GAIN)] in page
 
 
 def _loop(rows, conditions, model):
@@ -68,10 +68,10 @@ def _loop(rows, conditions, model):
 def test_a_record_without_repeats_and_a_model_without_the_noise_stay_as_they_are():
     model, condition = configuration.Config(), Condition("one", 5.0, 0.0, 0.0, 25.0, 0.0, 1.5, 0.6, "fit")
     rows = np.ones((2, loop_runs.size(condition)))
-    assert noise_levels.of_repeats(_loop([rows[:1]], (condition,), model), model) == (model, ())
+    assert noise_levels.estimate_flicker(_loop([rows[:1]], (condition,), model), model) == (model, ())
     for key, value in ((noise_levels.KEY, 0.0), ("noise.flicker", False)):
         quiet = configuration.changed(model, {key: value})
-        assert noise_levels.of_repeats(_loop([rows], (condition,), quiet), quiet) == (quiet, ())
+        assert noise_levels.estimate_flicker(_loop([rows], (condition,), quiet), quiet) == (quiet, ())
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_repeats_of_the_product_s_own_plant_tell_its_level_and_an_effect_in_all_
     found = []
     for offset in (0.0, 100.0):
         moved = [v + offset * v.std(axis=0) for v in rows]
-        cfg, told = noise_levels.of_repeats(_loop(moved, conditions, model), model)
+        cfg, told = noise_levels.estimate_flicker(_loop(moved, conditions, model), model)
         found.append(cfg.plant.sid_flicker_v_per_rthz / model.plant.sid_flicker_v_per_rthz)
         print(f"level {true:g}: found {found[-1]:.2f}, told: {told}")
         assert bool(told) == (true > 1)

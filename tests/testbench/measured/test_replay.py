@@ -166,9 +166,9 @@ def test_codes_at_every_tick_are_the_boards(board):
     ticks, codes = 125 * 600, []
 
     class Kept(Simulation):
-        def moved(self, state, streams, inside=False):
+        def commit_chunk(self, state, streams, inside=False):
             codes.append(np.stack([streams.drive_code, streams.sense_code], axis=1))
-            super().moved(state, streams, inside)
+            super().commit_chunk(state, streams, inside)
 
     sim = Kept(config, 25.0, 25.0)
     sim.now = (np.zeros(1), np.full(1, 25.0))

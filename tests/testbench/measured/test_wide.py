@@ -10,7 +10,7 @@ from scipy.stats import norm
 from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
-from testbench.measured.closed_loop.loop_even import even
+from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_noise import JITTER
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, corrected, lines, tied, weak
@@ -72,20 +72,20 @@ def test_the_coordinate_of_the_linear_model_has_the_logarithmic_prior_and_no_neg
     p = Parameter("plant.mass_kg", "kg", 2e5, 0.7, True, 0.0, 1e9, 3.1e5)
     mean, sd = p.normal()
     for theta in (-3e5, 1e5, 3.1e5, 5e5):
-        assert p.at(theta) > 0
-        assert p.coordinate(p.at(theta)) == pytest.approx((theta - mean) / sd)
-        assert p.theta(p.at(theta)) == pytest.approx(theta)
-    assert p._replace(start=None).at(-1.0) == -1.0
+        assert p.value_from_theta(theta) > 0
+        assert p.coordinate(p.value_from_theta(theta)) == pytest.approx((theta - mean) / sd)
+        assert p.theta(p.value_from_theta(theta)) == pytest.approx(theta)
+    assert p._replace(start=None).value_from_theta(-1.0) == -1.0
 
 
 def test_a_quality_factor_is_straight_in_its_inverse():
     p = Parameter("plant.qy", "1", 2e5, 0.7, True, 0.0, 1e9, 1.6e5)
     for theta in (1e5, 1.6e5, 2.3e5):
-        assert p.theta(p.at(theta)) == pytest.approx(theta)
-        assert 1 / p.at(theta) == pytest.approx((1 - (theta - 1.6e5) / 1.6e5) / 1.6e5)
-    assert p.coordinate(p.at(1e9)) == pytest.approx(2.5)
-    assert p.coordinate(p.at(-1e9)) == pytest.approx(-2.5)
-    assert (p.at(1.6001e5) - p.at(1.5999e5)) / 20 == pytest.approx(1.0, rel=1e-6)
+        assert p.theta(p.value_from_theta(theta)) == pytest.approx(theta)
+        assert 1 / p.value_from_theta(theta) == pytest.approx((1 - (theta - 1.6e5) / 1.6e5) / 1.6e5)
+    assert p.coordinate(p.value_from_theta(1e9)) == pytest.approx(2.5)
+    assert p.coordinate(p.value_from_theta(-1e9)) == pytest.approx(-2.5)
+    assert (p.value_from_theta(1.6001e5) - p.value_from_theta(1.5999e5)) / 20 == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("logarithmic", [True, False])
@@ -94,18 +94,18 @@ def test_the_linear_model_ends_at_two_and_a_half_sds_of_a_wide_prior_and_at_the_
     mean, sd = p.normal()
     for side in (-1, 1):
         edge = mean + side * 2.5 * sd
-        assert p.within(mean + side * 2.4 * sd) == mean + side * 2.4 * sd
-        assert p.within(mean + side * 1e6 * sd) == pytest.approx(edge)
-        assert p.coordinate(p.at(mean + side * 1e6 * sd)) == pytest.approx(side * 2.5)
-    assert p._replace(lo=1.9e5, hi=2.5e5).at(-1e9) == 1.9e5
-    assert p._replace(lo=1.9e5, hi=2.5e5).at(1e9) == 2.5e5
+        assert p.clip_theta(mean + side * 2.4 * sd) == mean + side * 2.4 * sd
+        assert p.clip_theta(mean + side * 1e6 * sd) == pytest.approx(edge)
+        assert p.coordinate(p.value_from_theta(mean + side * 1e6 * sd)) == pytest.approx(side * 2.5)
+    assert p._replace(lo=1.9e5, hi=2.5e5).value_from_theta(-1e9) == 1.9e5
+    assert p._replace(lo=1.9e5, hi=2.5e5).value_from_theta(1e9) == 2.5e5
 
 
 CONDITION = Condition("one", 5.0, 100.0, -50.0, 40.0, 15.0, settle_s=1.5, seconds=0.3, role="fit")
 
 
 def _features(model, values):
-    changed = even(configuration.changed(model, values))
+    changed = use_uniform_references(configuration.changed(model, values))
     run = Run(Model(changed), CONDITION, 3, None, 0, True)
     return loop_runs.Bench(1).run([run], FAST)[0]
 
@@ -138,7 +138,7 @@ def test_the_columns_of_q_and_drive_force_hold_where_their_product_is_kept():
     def features(share):
         changed = {"plant.qx": model.plant.qx * share}
         changed["plant.k_vf_drive_n_per_v"] = model.plant.k_vf_drive_n_per_v / share
-        run = Run(Model(even(configuration.changed(model, changed))), condition, 3, model, 0, True)
+        run = Run(Model(use_uniform_references(configuration.changed(model, changed))), condition, 3, model, 0, True)
         return loop_runs.Bench(1).run([run], FAST)[0]
 
     rows = np.array([features(math.exp(-0.03)), features(1.0), features(math.exp(0.03))])
@@ -179,7 +179,7 @@ def test_features_are_whitened_by_the_covariance_of_power_ons():
         return [rng.normal(size=(count, n)) @ shared.T + jitter for _ in range(2)]
 
     loop.power_ons, loop.config = power_ons, lambda u: None
-    sigma, white = loop.white(None)
+    sigma, white = loop.whitening_matrix(None)
     assert sigma == pytest.approx(np.sqrt(0.5), rel=0.6)
     z = white @ np.kron(np.eye(2), shared) @ rng.normal(size=(2 * n, 20_000)) / np.sqrt(2)
     assert 0.7 < np.std(z, axis=1).min()
@@ -188,7 +188,7 @@ def test_features_are_whitened_by_the_covariance_of_power_ons():
     # where nothing scatters, such as V_q at the end of its span, no feature is infinitely well known
     moving = loop.observable[:n] != "v_q2"
     loop.power_ons = lambda cfg, count: [power_ons(cfg, count)[0] * m for m in (1.0, moving)]
-    assert np.abs(loop.white(None)[1]).max() < 100
+    assert np.abs(loop.whitening_matrix(None)[1]).max() < 100
 
 
 def test_a_direction_in_which_large_columns_cancel_has_the_change_that_is_measured_there():
@@ -235,15 +235,15 @@ class _Loop:
     def mean(self, u, count, kind=None):
         return self._at(self.values(u)), np.array([1e-6] * 4 + [1e-3] * 4 + [1e-6] * 4)
 
-    def white(self, u):
+    def whitening_matrix(self, u):
         sd = self.mean(u, 0)[1]
         return sd, np.diag(1 / sd)
 
-    def even(self, u):
+    def slip_free_features(self, u):
         return self._at(self.values(u))
 
     def columns(self, u, which, sigma, measured=False):
-        base, out = self.even(u), np.zeros((len(self.features), len(u)))
+        base, out = self.slip_free_features(u), np.zeros((len(self.features), len(u)))
         for k in which:
             # a word of 11 kHz has 2e-12 Hz of rounding: 1e-4 from both sides leave it 1e-6 of the column of Q
             step = 1e-4 * (np.arange(len(u)) == k)
@@ -290,7 +290,7 @@ class _Ring(_Loop):
         self.observable = np.repeat(["force", "adc_yI"], 4)
 
     def mean(self, u, count, kind=None):
-        return self.even(u), np.array([1e-14] * 4 + [1e-3] * 4)
+        return self.slip_free_features(u), np.array([1e-14] * 4 + [1e-3] * 4)
 
 
 def test_another_well_along_the_split_is_found(monkeypatch):
@@ -348,9 +348,9 @@ def test_a_quality_factor_of_a_weak_mode_is_found_though_each_feature_tells_litt
             return np.array([1e5 / v["plant.qy"], -1e5 / v["plant.qy"]])
 
         def mean(self, u, count, kind=None):
-            return self.even(u), np.ones(2)
+            return self.slip_free_features(u), np.ones(2)
 
-        def white(self, u):
+        def whitening_matrix(self, u):
             return np.ones(2), np.linalg.inv(np.linalg.cholesky(np.array([[1.0, 0.9999], [0.9999, 1.0]])))
 
     parameters = (Parameter("plant.qy", "1", 2e5, math.log(2), True, 100.0, 1e8),)
@@ -367,7 +367,7 @@ def test_a_memory_longer_than_what_the_dwells_show_is_supported_by_none_of_them(
     of = SimpleNamespace(model=board, after={"a": 2.0, "b": 2.0})
     of.candidates = {c.law.name: c for c in (*loop_laws.from_catalogue(), *loop_laws.from_grammar())}
     of.conditions = {name: Condition(name, settle_s=2.0, seconds=0.6) for name in of.after}
-    told = loop_problem.LoopProblem.unsupported
+    told = loop_problem.LoopProblem.unsupported_reason
     assert told(of, "force_x: lag(3) vx") == (
         "its time constant is 3 s, and the dwells show 0.6 s of the time from power-on"
     )

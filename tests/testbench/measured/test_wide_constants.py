@@ -41,7 +41,7 @@ def found():
     problem = loop_problem.LoopProblem(data, begun.config, begun.parameters, *laws, bench)
     tracer, result = loop_trace.run(problem, Options(seed=SEED, power=False, experiments=False))
     fit, n = tracer.fits["after"], len(problem.parameters)
-    values = [p.at(t) for p, t in zip(problem.parameters, fit.point.theta)]
+    values = [p.value_from_theta(t) for p, t in zip(problem.parameters, fit.point.theta)]
     return result, truth, [p.key for p in problem.parameters], values, fit.covariance[:n, :n], middle
 
 

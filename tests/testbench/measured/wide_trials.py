@@ -85,7 +85,10 @@ def trial(seed, law=None, options=None):
     )
     tracer, result = loop_trace.run(problem, options or Options(seed=seed, power=False, experiments=False))
     fit, n = tracer.fits["after"], len(problem.parameters)
-    keys, values = [p.key for p in problem.parameters], [p.at(t) for p, t in zip(problem.parameters, fit.point.theta)]
+    keys, values = (
+        [p.key for p in problem.parameters],
+        [p.value_from_theta(t) for p, t in zip(problem.parameters, fit.point.theta)],
+    )
     off = {p.key: _off(p, x, truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)}
     return {
         "seed": seed,
@@ -104,7 +107,7 @@ def trial(seed, law=None, options=None):
 
 def _off(p, theta, truth):
     """Distance to the truth in the coordinate of the linear model."""
-    return p.within(theta) - p.theta(truth)
+    return p.clip_theta(theta) - p.theta(truth)
 
 
 def products(keys, values, covariance, truth):

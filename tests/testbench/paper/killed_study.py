@@ -32,7 +32,7 @@ class Small(study.Study):
     def _calibration(self):
         return Job("calibration", None, calibrated, (self.config,))
 
-    def _laws(self):
+    def _law_jobs(self):
         given, cases_deg = self.config, self.cases_deg()
         two = {case: cases_deg[case] for case in ("1", "5")}
         return [
@@ -48,7 +48,7 @@ class Small(study.Study):
 
 def main():
     job = Small(Config(), sys.argv[1], study.SMALL._replace(rest_s=10.0))
-    with job.alone():
+    with job.lock_folder():
         job.run()
         page.write(job)
 

@@ -11,11 +11,11 @@ from testbench.commands import main as cli
 from testbench.config import Config, changed
 from testbench.paper.loop import advisor, limit_cycles, loop_page, notch, sensitivity
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from tests.testbench.paper import browser, growing
 
 CONFIG = Config()
-DEFAULT = parts(CONFIG)
+DEFAULT = loop_parameters(CONFIG)
 
 
 # ---- rounding --------------------------------------------------------------------------------------------------------
@@ -49,7 +49,7 @@ def test_the_dead_band_is_half_a_step_of_the_converter():
 def test_the_step_of_the_force_is_that_of_the_design():
     """16 bits instead of 20; nothing else of the rounding depends on the force DAC."""
     short = changed(CONFIG, {"design.sense_dac": "DAC8811"})
-    fine, coarse = limit_cycles.resolution(DEFAULT), limit_cycles.resolution(parts(short))
+    fine, coarse = limit_cycles.resolution(DEFAULT), limit_cycles.resolution(loop_parameters(short))
     assert coarse.dac_lsb_dps == pytest.approx(16 * fine.dac_lsb_dps, rel=0.01)
     assert coarse.adc_dead_band_dps == pytest.approx(fine.adc_dead_band_dps, rel=1e-3)
 
@@ -61,7 +61,7 @@ def test_quantised_loops_follow_the_linear_ones_and_rest_within_the_dead_band():
     run = limit_cycles.quantised(CONFIG, rate, frames * DEFAULT.frame_s)
     assert np.ptp(run.word[:4000]) == 0
     late = run.word[-2000:]
-    moved = (late.mean() - run.word[0]) / (advisor.rest_gain(lp.close(DEFAULT)) * lp.DEG)
+    moved = (late.mean() - run.word[0]) / (advisor.dc_gain(lp.close(DEFAULT)) * lp.DEG)
     assert moved == pytest.approx(0.1, abs=2 * limit_cycles.resolution(DEFAULT).adc_dead_band_dps)
     assert np.ptp(run.codes[-2000:, 0]) <= 10
 
@@ -102,13 +102,13 @@ def test_a_notch_takes_the_ring_where_it_stands():
 
 def test_in_front_of_the_pi_a_notch_takes_the_damping_of_the_ring_away():
     """So it stands behind the loop: the ring lasts 13 times as long, although the loop is stable."""
-    loop, inside = lp.close(DEFAULT), notch.inside(DEFAULT, notch.design(139.0, 20.0))
+    loop, inside = lp.close(DEFAULT), notch.close_with_notch(DEFAULT, notch.design(139.0, 20.0))
     assert lp.radius(inside) < 1
     split = DEFAULT.split_hz
-    assert advisor.ring(loop, split).tau_s == pytest.approx(0.308, abs=0.01)
-    assert advisor.ring(inside, split).tau_s == pytest.approx(4.13, abs=0.1)
+    assert advisor.ring_pole(loop, split).tau_s == pytest.approx(0.308, abs=0.01)
+    assert advisor.ring_pole(inside, split).tau_s == pytest.approx(4.13, abs=0.1)
     # far away and narrow, it changes nothing
-    harmless = notch.inside(DEFAULT, notch.design(1900.0, 0.5))
+    harmless = notch.close_with_notch(DEFAULT, notch.design(1900.0, 0.5))
     assert advisor.bandwidth(harmless)[0] == pytest.approx(advisor.bandwidth(loop)[0], abs=0.01)
 
 

@@ -11,7 +11,7 @@ from testbench.config import Config, changed
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, derived, temperature_tables
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.paper.measure import characterise
 from testbench.run import build
 
@@ -37,7 +37,7 @@ LAWS = {
 @pytest.mark.parametrize("temp_degc", TEMPS_DEGC)
 def test_what_stands_at_rest_is_what_the_advisor_has(temp_degc):
     config = changed(Config(), {"scenario.temperature_degc": temp_degc})
-    p = parts(config)
+    p = loop_parameters(config)
     a, found = advisor.analyse(p), derived.derive(config, temp_degc)
     assert found.lsb_per_dps == pytest.approx(a.lsb_per_dps, rel=1e-9)
     assert found.bias_dps == pytest.approx(a.bias_dps, rel=1e-6)
@@ -49,7 +49,7 @@ def test_what_stands_at_rest_is_what_the_advisor_has(temp_degc):
 def test_damping_and_charge_make_the_bias_that_formulas_give():
     """d_xy/(2 m_c) in deg/s, and 6 R f dQ + dQ/(4 C) volts behind 4/pi of what a rate makes of y."""
     config = Config()
-    d, p = config.device(), parts(config)
+    d, p = config.device(), loop_parameters(config)
     found = derived.bias_parts_dps(p, lp.close(p))
     damping = d.dxy_ratio * 2 * math.pi * d.fx_hz / d.qx / 2
     assert found["damping"] == pytest.approx(math.degrees(damping), rel=1e-3)
@@ -101,7 +101,7 @@ def test_the_plant_is_built_with_the_numbers_of_its_temperature(temp_degc):
     assert first - second == pytest.approx([(charge + leaked) / d.sid_c_f] * 3, rel=1e-9)
     level = d.sid_flicker_v_per_rthz * ((temp_degc + 273.15) / 298.15) ** 3
     assert plant.adc.flicker[2].level == pytest.approx(level, rel=1e-9)
-    assert parts(config, temp_degc).flicker_v_per_rthz == pytest.approx(level, rel=1e-9)
+    assert loop_parameters(config, temp_degc).flicker_v_per_rthz == pytest.approx(level, rel=1e-9)
 
 
 @pytest.mark.parametrize("key", build.ONE_TEMPERATURE)
@@ -119,7 +119,7 @@ def test_a_law_with_one_number_a_run_refuses_a_profile(key):
 def test_a_simulated_board_gives_what_is_derived(temp_degc, laws):
     """Averaged engine, 1200 s at rest: ARW within 5 %, the rest within what rails and seeds leave."""
     config = changed(Config(), laws | {"noise.seed": 11})
-    found = characterise.characterise(config, engine="baseband", rest_s=1200.0, temp_degc=temp_degc)
+    found = characterise.characterise(config, engine="baseband", zero_rate_s=1200.0, temp_degc=temp_degc)
     want = derived.derive(config, temp_degc)
     assert found["scale_lsb_per_dps"] == pytest.approx(want.lsb_per_dps, rel=5e-4)
     assert found["bias_dps"] == pytest.approx(want.bias_dps, abs=2e-3)

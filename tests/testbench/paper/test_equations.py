@@ -125,14 +125,14 @@ def test_scale_factor_is_where_the_forces_cancel():
 
 def test_held_signal_has_the_angle_of_equation_14():
     t = np.linspace(0, 2 * math.pi / W, 64, endpoint=False)
-    signal = eq.held_signal(t, 1.0, 8000.0, W, 0.027)
+    signal = eq.fixed_loop_signal(t, 1.0, 8000.0, W, 0.027)
     a_i, a_q = 2 * np.mean(signal * np.sin(W * t + 0.027)), 2 * np.mean(signal * np.cos(W * t + 0.027))
     assert eq.phi_iq(a_i, a_q) == pytest.approx(eq.phi_iq(1.0, 8000.0))
     assert 90 - math.degrees(eq.phi_iq(1.0, 8000.0)) == pytest.approx(0.00716, abs=1e-5)
 
 
 def test_the_misprints_are_shown_with_numbers():
-    shown = {m.where: m.shown for m in eq.misprints(Y, W, MASS, math.radians(8.8814))}
+    shown = {m.where: m.example for m in eq.misprints(Y, W, MASS, math.radians(8.8814))}
     assert shown["text under (6)"][1:] == pytest.approx((math.sin(0.15501), math.cos(0.15501)), rel=1e-4)
     _, printed, right = shown["(10), (11)"]
     assert right == pytest.approx(139.0, abs=1e-3)

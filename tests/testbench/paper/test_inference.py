@@ -12,7 +12,7 @@ from scipy.stats import chi2, chisquare
 from testbench.config import changed
 from testbench.judge import numbers
 from testbench.paper.inference import board, forward, infer, likelihood, priors, ring_table, rows, simulated
-from testbench.paper.loop import derived, parts
+from testbench.paper.loop import derived, loop_parameters
 from testbench.run.budget import budget
 
 CSV = Path(numbers.__file__).with_name("measured_numbers.csv")
@@ -31,7 +31,7 @@ def printed(symbol, case):
 
 
 def test_rows_are_the_texts_numbers():
-    names = {row.name: row for row in rows.fitted()}
+    names = {row.name: row for row in rows.fitted_rows()}
     assert len(names) == 19
     of_text = ("SF", "scale_factor"), ("ARW", "arw"), ("BI", "bias_instability"), ("Vq", "v_q"), ("bias", "bias")
     for symbol, group in of_text:
@@ -45,7 +45,7 @@ def test_rows_are_the_texts_numbers():
 
 def test_the_scale_factor_is_judged_without_the_spread_that_the_cosine_makes():
     """Two cases at 1/cos(ye1 + xe2), one at 1/cos(ye1): 31 LSB, 18 LSB of standard deviation."""
-    names = {row.name: row for row in rows.fitted()}
+    names = {row.name: row for row in rows.fitted_rows()}
     step = 8651.0 * (math.cos(math.radians(8.8814)) / math.cos(math.radians(8.8814 + 1.2459)) - 1)
     assert 30 < step < 32
     for temp, (value, spread) in printed("SF", "mean of cases 1,2,3").items():
@@ -56,7 +56,7 @@ def test_the_scale_factor_is_judged_without_the_spread_that_the_cosine_makes():
 
 
 def test_every_fitted_row_is_held_out_once_by_class_and_once_by_temperature():
-    fitted, never = [row.name for row in rows.fitted()], [row.name for row in rows.steps()]
+    fitted, never = [row.name for row in rows.fitted_rows()], [row.name for row in rows.steps()]
     by_rule = {}
     for fold in rows.folds():
         by_rule.setdefault(fold.rule, []).extend(fold.rows)
@@ -69,7 +69,7 @@ def test_priors_have_their_quantiles_and_name_no_fitted_number():
     for prior in priors.PRIORS:
         np.testing.assert_allclose(prior.value(z), (prior.lo, prior.hi), rtol=1e-12)
     said = " ".join(p.why for p in (*priors.PRIORS, *priors.CHOICES))
-    assert not [row.value for row in rows.fitted() if f"{row.value:g}" in said]
+    assert not [row.value for row in rows.fitted_rows() if f"{row.value:g}" in said]
 
 
 # ---- the closed forms against budget and linear loop, which share none of them ---------------------------------------
@@ -82,7 +82,7 @@ def drawn(rng, count):
 
 def one(z, mode, k):
     v = {name: float(a[k]) for name, a in priors.values(z).items()}
-    return board.config_of(v, {name: int(a[k]) for name, a in mode.items()})
+    return board.board_config(v, {name: int(a[k]) for name, a in mode.items()})
 
 
 def linear(z, mode, k):
@@ -92,7 +92,7 @@ def linear(z, mode, k):
 
 def compensated(config, case):
     """The configuration with the words of a case, from its own budget at 25 degC."""
-    p = parts.parts(config, 25.0)
+    p = loop_parameters.loop_parameters(config, 25.0)
     found = budget(config, 25.0, p.w_rad_s / (2 * math.pi))
     node, loop = found.node_deg(), found.loop_deg()
     words = {"drive_sine": (2, node["xe1"]), "drive_ref": (3, -loop["xe2"]), "sense_sine": (4, node["ye1"]),
@@ -161,16 +161,16 @@ def test_the_ring_table_is_the_ring():
         for _ in range(10):
             cref, carrier = math.exp(rng.uniform(math.log(12e-12), math.log(200e-12))), rng.uniform(2.2, 7.5)
             table = ring_table.rings(np.array([carrier]), np.array([cref]), temp)
-            np.testing.assert_allclose([a[0] for a in table], ring_table.exact(carrier, cref, temp), rtol=2e-6)
+            np.testing.assert_allclose([a[0] for a in table], ring_table.ring_numbers(carrier, cref, temp), rtol=2e-6)
 
 
 def test_a_compensated_carrier_keeps_the_gain_of_its_ring():
     carrier_v, cref = 4.0, 38e-12
     cold, warm = (
-        ring_table.exact(carrier_v + forward.DROP_V_PER_K * (temp - 25), cref, temp).gain_v_per_f
+        ring_table.ring_numbers(carrier_v + forward.DROP_V_PER_K * (temp - 25), cref, temp).gain_v_per_f
         for temp in (-20.0, 50.0)
     )
-    plain = [ring_table.exact(carrier_v, cref, temp).gain_v_per_f for temp in (-20.0, 50.0)]
+    plain = [ring_table.ring_numbers(carrier_v, cref, temp).gain_v_per_f for temp in (-20.0, 50.0)]
     assert abs(warm / cold - 1) < 0.1 * (plain[1] / plain[0] - 1)
 
 
@@ -180,7 +180,7 @@ def test_a_compensated_carrier_keeps_the_gain_of_its_ring():
 def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
     """Rows at the optimum of the true mode are within the noise they were drawn with."""
     z, mode, rng = simulated.board(2, 0)
-    (paper,) = likelihood.drawn(z, mode, rng)
+    (paper,) = likelihood.draw_papers(z, mode, rng)
     data = likelihood.compared(paper)
     found = infer.optimum(data)
     post = infer.posterior(data, rng, 200)
@@ -194,7 +194,7 @@ def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
 
 @pytest.mark.slow
 def test_simulated_papers_are_covered_and_ranks_are_uniform():
-    judged = simulated.judge(100, 11)
+    judged = simulated.rank_boards(100, 11)
     parameters = np.array(list(judged.parameters.values()))
     held_out = np.concatenate(list(judged.held_out.values()))
     assert parameters.shape == (len(priors.PRIORS), 100)

@@ -115,7 +115,7 @@ def test_a_study_of_two_cases_has_no_mean():
 def test_the_document_says_what_uncertainties_are_assumed():
     page = (ROOT / "docs" / "paper.md").read_text()
     assert f"1e-5 of A_d is {numbers.method_deg('phi_xe2'):.2f} deg" in page
-    share = numbers.repeatability(numbers.numbers(), "BI", 25.0)
+    share = numbers.relative_repeatability(numbers.numbers(), "BI", 25.0)
     assert f"{100 * share:.0f} % of a case at 100 s in an assumed record of one hour" in page
 
 

@@ -10,11 +10,11 @@ from testbench.config import Config, load
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from tests.testbench.paper import switched_rc
 from tests.testbench.paper.carrier import Carrier
 
-DEFAULT = parts(Config())
+DEFAULT = loop_parameters(Config())
 
 
 def decibel(ratio):
@@ -72,7 +72,7 @@ def test_closed_loop_is_that_of_the_circuits_at_the_carrier(stages):
     loop = lp.close(p, qsc=0.0)
     inputs = np.zeros((frames, 4))
     inputs[:, lp.RATE] = lp.DEG
-    found, _ = lp.play(loop, inputs)
+    found, _ = lp.simulate_words(loop, inputs)
     reach = np.max(np.abs(want))
     assert bool(reach > 2e4) is (stages == 1)
     np.testing.assert_allclose(found[1:], want[:-1], atol=(5e-4 if stages == 3 else 0.02) * reach)
@@ -100,13 +100,13 @@ def test_scale_factor_bias_and_v_q_are_those_of_the_forces():
     turn = p.ye1_rad + p.xe2_rad
     # the scale factor (word LSB per deg/s) without any phase error, turned
     ideal = 2 * p.coriolis_mass_kg * p.w_rad_s * p.amplitude_m * lp.DEG / (p.k_vf_n_per_v * p.volts_per_word)
-    assert advisor.rest_gain(loop) * lp.DEG == pytest.approx(ideal / math.cos(turn), rel=2e-5)
-    still = lp.rest(loop, (0.0, p.kxy_n_per_m, 0.0, 0.0))
+    assert advisor.dc_gain(loop) * lp.DEG == pytest.approx(ideal / math.cos(turn), rel=2e-5)
+    still = lp.steady_state(loop, (0.0, p.kxy_n_per_m, 0.0, 0.0))
     assert abs(still[lp.WORD]) < 0.01
     null = 4.52
     assert advisor.volts(p, still[lp.U]) == pytest.approx(null, abs=1e-4)
     # a rate needs V_q^2 to fall by its part in quadrature, 100 tan(turn) of 100 deg/s
-    turned = lp.rest(loop, (100 * lp.DEG, p.kxy_n_per_m, 0.0, 0.0))
+    turned = lp.steady_state(loop, (100 * lp.DEG, p.kxy_n_per_m, 0.0, 0.0))
     share = advisor.volts(p, turned[lp.U]) ** 2 / null**2
     assert 1 - share == pytest.approx(math.tan(turn), rel=2e-3)
 
@@ -164,7 +164,7 @@ def test_bandwidth_over_the_sense_phases():
 
 
 def configured(*sets):
-    return parts(load(None, sets))
+    return loop_parameters(load(None, sets))
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_step_and_response_are_of_one_loop():
     frames = 60_000
     inputs = np.zeros((frames, 4))
     inputs[:, lp.RATE] = 1.0
-    words, _ = lp.play(loop, inputs)
+    words, _ = lp.simulate_words(loop, inputs)
     impulse = np.diff(words, prepend=0.0)
     for f in (1.0, 20.0, 60.0):
         z = np.exp(2j * math.pi * f * DEFAULT.frame_s)

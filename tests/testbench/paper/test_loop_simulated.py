@@ -11,7 +11,7 @@ from testbench.config import Config, changed, phase_word
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
 from testbench.paper.loop import loop as lp
-from testbench.paper.loop.parts import parts
+from testbench.paper.loop.loop_parameters import loop_parameters
 from tests.testbench.paper import growing
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -35,7 +35,7 @@ def runs():
     """All cases under a multisine, and three under a step."""
     sine = confirm.multisine()
     steps = [CASES["default"], CASES["references at 26 MHz"], changed(QUIET, {"plant.sid_charge_c": 0.0})]
-    done = confirm.play_run([*CASES.values(), *steps], [sine] * len(CASES) + [STEP] * len(steps))
+    done = confirm.run_profiles([*CASES.values(), *steps], [sine] * len(CASES) + [STEP] * len(steps))
     for run in done:
         assert run.locked
     names = [*CASES, "step", "step at 26 MHz", "step without charge"]
@@ -47,7 +47,7 @@ def test_simulated_response_is_that_of_the_analysis(runs, case):
     """Contract: 0.05 dB and 0.3 deg up to 60 Hz. Without noise it is a tenth of that and less."""
     found, sine = runs
     seen = confirm.measured_response(found[case], sine)
-    ratio = seen / (lp.response(lp.close(parts(CASES[case])), LINES) * lp.DEG)
+    ratio = seen / (lp.response(lp.close(loop_parameters(CASES[case])), LINES) * lp.DEG)
     db, deg = 20 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
     assert np.max(np.abs(db)) < 0.05
     assert np.max(np.abs(deg)) < 0.3
@@ -63,13 +63,13 @@ def test_bandwidth_of_the_simulated_default(runs):
     level -= level[0]
     edge = np.interp(3.0103, -level[LINES > 15], LINES[LINES > 15])
     assert 24 < edge < 30
-    assert edge == pytest.approx(advisor.analyse(parts(QUIET)).bandwidth_hz, abs=0.2)
+    assert edge == pytest.approx(advisor.analyse(loop_parameters(QUIET)).bandwidth_hz, abs=0.2)
 
 
 def test_rest_scale_factor_and_step(runs):
     """Bias and scale factor of the words, the step's course, the ring, and the ring behind a notch."""
     found, _ = runs
-    p = parts(CASES["references at 26 MHz"])
+    p = loop_parameters(CASES["references at 26 MHz"])
     a, words = advisor.analyse(p), found["step at 26 MHz"].columns["rate_word"].astype(float)
     before = words[STEP_AT - 400 : STEP_AT].mean()
     assert before == pytest.approx(a.bias_dps * a.lsb_per_dps, abs=30)  # half of the converter's dead band
@@ -99,10 +99,10 @@ def test_a_force_below_a_step_of_a_short_dac_is_what_rounding_makes_of_it():
     """16 bits, 0.8 codes of force: a sine of 0.64 codes makes it, and the simulated word comes to rest there."""
     settings = {"design.sense_dac": "DAC8811", "firmware.reference_retimed": False}
     config = changed(QUIET, settings)
-    p = parts(config)
+    p = loop_parameters(config)
     a, rest = advisor.analyse(p), limit_cycles.resolution(p)
     rate_dps = 0.8 * rest.dac_lsb_dps - a.bias_dps
-    (run,) = confirm.play_run([config], [np.full(round(3.0 * FRAME_HZ), rate_dps)])
+    (run,) = confirm.run_profiles([config], [np.full(round(3.0 * FRAME_HZ), rate_dps)])
     word = run.columns["rate_word"][-4000:].mean()
     hunted = limit_cycles.quantised(config, rate_dps, 3.0, p=p).word[-4000:].mean()
     band = rest.adc_dead_band_dps * a.lsb_per_dps
@@ -120,7 +120,7 @@ def test_a_force_below_a_step_of_a_short_dac_is_what_rounding_makes_of_it():
 )
 def test_what_is_unstable_grows_as_its_pole_says(after, writes):
     words = growing.exchange(QUIET, changed(QUIET, after), 0.3, writes=writes)["rate_word"]
-    p = parts(changed(QUIET, after))
+    p = loop_parameters(changed(QUIET, after))
     if writes:
         p = p._replace(sense_turn_rad=math.pi, ye1_rad=p.ye1_rad + math.pi)
     want = advisor.analyse(p)
@@ -136,9 +136,9 @@ def test_the_other_order_of_modes_runs_away():
     """f_x below f_y: the word goes to its rail."""
     other = {"plant.fx_hz": 10863.3, "plant.fy_hz": 11002.3, "firmware.nominal_frequency_hz": 10863.3}
     config = changed(QUIET, other)
-    assert advisor.analyse(parts(config)).growth_hz == 0.0
+    assert advisor.analyse(loop_parameters(config)).growth_hz == 0.0
     try:
-        (run,) = confirm.play_run([config], [np.zeros(4000)])
+        (run,) = confirm.run_profiles([config], [np.zeros(4000)])
     except ConfigError:
         return  # it did not even lock
     assert np.all(np.abs(run.columns["rate_word"][-400:]) == 2**23 - 1)
@@ -159,15 +159,15 @@ def test_the_three_strongest_sensitivities_are_simulated(observable):
             ]
         )
     if observable == "scale_factor":
-        done = confirm.play_run(configs, [STEP] * len(configs))
+        done = confirm.run_profiles(configs, [STEP] * len(configs))
         words = [run.columns["rate_word"] for run in done]
         seen = [(w[-800:].mean() - w[STEP_AT - 800 : STEP_AT].mean()) / STEP_DPS for w in words]
     else:
         sine = confirm.multisine()
-        done = confirm.play_run(configs, [sine] * len(configs))
+        done = confirm.run_profiles(configs, [sine] * len(configs))
         seen = []
         for config, run in zip(configs, done):
-            loop = lp.close(parts(config))
+            loop = lp.close(loop_parameters(config))
             ratio = np.abs(confirm.measured_response(run, sine) / (lp.response(loop, LINES) * lp.DEG))
             seen.append(advisor.bandwidth(loop)[0] + 20 * math.log10(np.interp(25, LINES, ratio)) / 0.63)
     want = [sensitivity.observe(config)[observable] for config in configs]

@@ -8,7 +8,7 @@ import pytest
 from testbench.paper import temperature
 from testbench.paper.calibration import boards
 from testbench.paper.calibration.bench import log_cosine_ratio
-from testbench.paper.calibration.calibrate import Readings, ring, ring_of_step
+from testbench.paper.calibration.calibrate import Readings, fit_ring, fit_step_ring
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
 from tests.testbench.bench_setup import configured
 
@@ -29,7 +29,7 @@ def test_ring_gives_split_and_decay_back():
     t = np.arange(40000) * FRAME_S
     rng = np.random.default_rng(1)
     x = 143000 + 3000 * np.exp(-t / 5.8) * np.cos(2 * np.pi * 139.0 * t + 0.3) + 100 * rng.normal(size=len(t))
-    split, decay_s = ring(x, 130.0, FRAME_S)
+    split, decay_s = fit_ring(x, 130.0, FRAME_S)
     assert split / (2 * math.pi) == pytest.approx(139.0, abs=0.002)
     assert decay_s == pytest.approx(5.8, rel=0.01)
 
@@ -41,7 +41,7 @@ def test_a_ring_that_is_soon_gone_is_read_from_the_step(decay_s):
     noise = 60 * np.random.default_rng(2).normal(size=len(t))
     line = 1e5 * np.exp(-t / decay_s) * np.cos(2 * np.pi * 53.2 * t - 0.4)
     own = 9e4 * (t / 3.2e-3) ** 2 * np.exp(-t / 3.2e-3)
-    split, found_s = ring_of_step(-2e5 + line + own + noise, 48.0, 0.036, 3.2e-3, FRAME_S)
+    split, found_s = fit_step_ring(-2e5 + line + own + noise, 48.0, 0.036, 3.2e-3, FRAME_S)
     assert split / (2 * math.pi) == pytest.approx(53.2, rel=3e-3)
     assert found_s == pytest.approx(decay_s, rel=0.02)
 
@@ -130,7 +130,7 @@ def test_bandwidth_of_a_pole():
 
 def test_boards_are_the_same_however_many_are_drawn():
     base = configured()
-    many = boards.draws(base, 5, 3)
+    many = boards.draw_boards(base, 5, 3)
     assert many[2] == boards.draw(base, 5, 2)
     assert len({c.plant.fx_hz for c in many}) == 3
     for config in many:
@@ -144,5 +144,5 @@ def test_phases_over_temperature_follow_the_parts():
     assert found["xe2"][1] > found["xe2"][0]
     assert found["ye2"][1] > found["ye2"][0]
     assert found["xe1"][1] / found["xe1"][0] == pytest.approx(1 - 27e-6 * 50, abs=2e-5)
-    limits = temperature.holds(configured())
+    limits = temperature.drift_limits_k(configured())
     assert limits["ye2"][1] < limits["xe1"][1]

@@ -30,7 +30,7 @@ def made(rest_v2=REST_V2):
 
 def test_the_rail_alone_explains_a_railed_board():
     words, v_q = made()
-    found = nonlinearity.explained(RATES, words, v_q, CEILING_V, PHASES)
+    found = nonlinearity.explain_nonlinearity(RATES, words, v_q, CEILING_V, PHASES)
     assert found.ceiling_dps == pytest.approx(-250.0, rel=1e-9)
     assert math.isnan(found.zero_dps)
     assert found.rail_ppm == pytest.approx(found.measured_ppm, rel=1e-9)
@@ -40,7 +40,7 @@ def test_the_rail_alone_explains_a_railed_board():
 
 def test_both_rails_count():
     words, v_q = made(LOW_V2)
-    found = nonlinearity.explained(RATES, words, v_q, CEILING_V, PHASES)
+    found = nonlinearity.explain_nonlinearity(RATES, words, v_q, CEILING_V, PHASES)
     assert (found.ceiling_dps, found.zero_dps) == pytest.approx((-450.0, 306.25), rel=1e-9)
     assert found.rail_ppm == pytest.approx(found.measured_ppm, rel=1e-9)
     assert found.within_ppm < 1e-6
@@ -60,7 +60,7 @@ def test_what_is_not_the_rail_stays():
     """A bend of 1 ppm per (100 deg/s)^2 in the word is no quadrature: measured within the range, not predicted."""
     _, v_q = made()
     words = 8651.0 * RATES * (1 + 1e-6 * (RATES / 100.0) ** 2)
-    found = nonlinearity.explained(RATES, words, np.full_like(v_q, 4.5), CEILING_V, PHASES)
+    found = nonlinearity.explain_nonlinearity(RATES, words, np.full_like(v_q, 4.5), CEILING_V, PHASES)
     assert math.isnan(found.ceiling_dps)
     assert math.isnan(found.zero_dps)
     assert found.rail_ppm < 1e-6 < 5.0 < found.measured_ppm == pytest.approx(found.within_ppm)
@@ -74,8 +74,8 @@ def test_cases_2_and_3_of_the_gyroscope():
     known = {"xe2": 0.9433, "ye1": 9.2324, "ye2": 1.2630 - 0.0113}
     assert simulated.mode_lead_deg(base.device()) == pytest.approx(0.0113, abs=5e-5)
     for case, more in (("2", {}), ("3", {"xe2": 0.0})):
-        read = nonlinearity.read(law.left(base, cases[case]))
-        found = nonlinearity.explained(
+        read = nonlinearity.read(law.set_residuals(base, cases[case]))
+        found = nonlinearity.explain_nonlinearity(
             read["rates_dps"], read["scale_words"], read["quadrature_v_of_rate"], 5.5, known | more
         )
         assert found.measured_ppm == pytest.approx(found.rail_ppm, abs=18.0), case
@@ -87,7 +87,7 @@ def test_angles_are_left_where_they_are_asked_for():
     """Words of a case turned so that the budget's own phases less the words are the angles."""
     base = configured()
     last = closed_form.cases_deg(base)["5"]
-    config = law.left(base, last, xe1=3.0, xe2=-1.0, ye1=-9.0, ye2=-6.0).firmware
+    config = law.set_residuals(base, last, xe1=3.0, xe2=-1.0, ye1=-9.0, ye2=-6.0).firmware
     assert 3.7597 - config.phase_drive_sine_deg == pytest.approx(3.0, abs=1e-4)
     assert 0.9433 + config.phase_drive_ref_deg == pytest.approx(-1.0, abs=1e-4)
     assert 9.2324 - config.phase_sense_sine_deg == pytest.approx(-9.0, abs=1e-4)

@@ -16,7 +16,7 @@ from matplotlib.text import Text
 
 from testbench.campaign import collect, execute
 from testbench.campaign.plan import plan
-from testbench.campaign.pool import Here
+from testbench.campaign.pool import InProcess
 from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
 from testbench.config import changed
@@ -26,7 +26,7 @@ from testbench.judge.verdict import VERDICTS
 from testbench.paper import cases, law, page, study
 from testbench.paper.calibration import boards, calibrate, calibrations, counter
 from testbench.paper.calibration.bench import Bench, Judge
-from testbench.paper.loop import advisor, loop, parts, sensitivity
+from testbench.paper.loop import advisor, loop, loop_parameters, sensitivity
 from testbench.paper.measure import characterise, measure_scale
 from testbench.run import budget, simulate
 from tests.testbench.bench_setup import board, configured, open_loop, quiet
@@ -103,7 +103,7 @@ def test_where_edges_slide_on_their_grid_the_stamps_say_so():
     turned = calibrate.TurnedReading(bench)
     turned.to(55.0)
     rows = bench.stamped(3.0)
-    assert calibrate.late(bench, rows, np.ones(len(rows))).deg > 0.05
+    assert calibrate.pin_delay(bench, rows, np.ones(len(rows))).deg > 0.05
     turned.to(0.0)
     found = calibrate.detune(bench, (55.0, 50.0))
     assert found.deg == pytest.approx(truth["xe1"] + truth["xe2"], abs=0.004)
@@ -139,8 +139,8 @@ def test_calibration_of_a_board_of_another_design(name):
 @pytest.mark.parametrize("name", OTHER_DESIGNS)
 def test_characterise_finds_what_the_loop_of_another_design_has(name):
     config = board(name)
-    p = parts.parts(config)
-    a, found = advisor.analyse(p), characterise.characterise(config, rest_s=120.0)
+    p = loop_parameters.loop_parameters(config)
+    a, found = advisor.analyse(p), characterise.characterise(config, zero_rate_s=120.0)
     assert found["locked"]
     assert found["scale_lsb_per_dps"] == pytest.approx(a.lsb_per_dps, rel=5e-4)
     assert found["bandwidth_hz"] == pytest.approx(a.bandwidth_hz, rel=0.03)
@@ -182,8 +182,8 @@ SETS = {"1": dict.fromkeys(WORDS, 0.0), "5": WORDS}
 
 def played(told, folder):
     """Run a campaign here; (report, {address: values}) of it."""
-    report = execute.run(told, folder, Here(), Progress(quiet=True))
-    store = Store.at(folder)
+    report = execute.run(told, folder, InProcess(), Progress(quiet=True))
+    store = Store.open_folder(folder)
     found = {p.address: collect.read_point(store, p.address)[1] for p in plan.points(told)[0]}
     return report, {a: {name: v.data for name, v in values.items()} for a, values in found.items()}
 
@@ -207,7 +207,7 @@ def test_a_small_campaign_is_done_once(campaign):
     assert k[0] / k[1] == pytest.approx(1 / np.cos(np.radians(9.2324 + 0.9433)), abs=300e-6)
     assert all(24.0 < w < 30.0 for w in width)
     for measured, words_deg in zip(width, SETS.values()):
-        p = parts.parts(calibrations.case_config(configured(), words_deg))
+        p = loop_parameters.loop_parameters(calibrations.case_config(configured(), words_deg))
         assert measured == pytest.approx(advisor.bandwidth(loop.close(p))[0], abs=0.05), "that of the linear loop"
 
 
@@ -215,9 +215,9 @@ CHILD = """
 import sys
 from testbench.campaign import execute
 from testbench.campaign.plan import plan
-from testbench.campaign.pool import Here
+from testbench.campaign.pool import InProcess
 from testbench.campaign.progress import Progress
-execute.run(plan.read(sys.argv[1]), sys.argv[2], Here(), Progress(quiet=True))
+execute.run(plan.read(sys.argv[1]), sys.argv[2], InProcess(), Progress(quiet=True))
 """
 
 
@@ -272,7 +272,9 @@ def test_noise_of_the_running_gyroscope():
         np.sqrt(2 * np.log(2)) * 37e-9 / 57.9e-6 * 3600, rel=0.02
     )
     lengths_s = {"all": 100.0, "only flicker": 600.0, "none": 50.0, law.NOT_RETIMED: 50.0}
-    found = {name: law.noise_of(configured(), {"5": WORDS}, name, length_s) for name, length_s in lengths_s.items()}
+    found = {
+        name: law.measure_noise(configured(), {"5": WORDS}, name, length_s) for name, length_s in lengths_s.items()
+    }
     assert found["all"]["arw_deg_per_rt_h"] == pytest.approx(0.1337, rel=0.15)
     assert found["only flicker"]["instability_deg_per_h"] == pytest.approx(
         derived["flicker"]["instability_deg_per_h"], rel=0.30

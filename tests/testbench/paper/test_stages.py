@@ -112,7 +112,7 @@ def test_damaged_timings_do_not_matter(tmp_path):
     made = stages.Stages(tmp_path, config.Config(), 0)
     (tmp_path / stages.TIMINGS).write_text('{"seconds": "long"}')
     assert made.seconds == {}
-    made.timed("x", 1.5)
+    made.save_duration("x", 1.5)
     assert json.loads((tmp_path / stages.TIMINGS).read_text()) == {"seconds": {"x": 1.5}}
 
 
@@ -123,11 +123,11 @@ def test_a_fifo_is_not_waited_for(calls, tmp_path):
 
 def test_one_process_at_a_time(tmp_path):
     one, other = (study.Study(config.Config(), tmp_path, study.SMALL) for _ in range(2))
-    with one.alone():
+    with one.lock_folder():
         with pytest.raises(FileError, match=rf"another study is at work here: process {os.getpid()} on "):
-            with other.alone():
+            with other.lock_folder():
                 pass
-    with other.alone():
+    with other.lock_folder():
         pass
 
 
@@ -187,7 +187,7 @@ def test_every_key_reaches_the_points(tmp_path):
         # case 1 is the words that the board had before its calibration, as `calibrate` returns them
         begin = {name: getattr(wanted.firmware, f"{name}_deg") for name in cases.PHASE_REGISTERS}
         made = plan.read(cases.write_plan(tmp_path / "p.toml", wanted, {"1": begin, "2": words}, 10.0, (25.0, 50.0)))
-        first, last = (config.from_dict(plan.tree_of(made, index)[0]) for index in ((0, 0), (1, 1)))
+        first, last = (config.from_dict(plan.point_tree(made, index)[0]) for index in ((0, 0), (1, 1)))
         for kept in SECTIONS.keys() - set(OWN):
             assert getattr(first, kept) == getattr(wanted, kept), f"{section}.{key}"
         assert last == config.changed(

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from fpga_model import axi_slave, host, host_axi, host_bus, host_words, registers
-from fpga_model.block import flat
+from fpga_model.block import port_name
 from fpga_model.design_record import DEFAULT
 from testbench.config import Config
 from testbench.flatten import leaves
@@ -109,7 +109,7 @@ def firmware_of(values):
 def block_of(stem):
     """The port as `test_rtl` sees a block: registers of the firmware are inputs."""
     module, paths = PORTS[stem].module, host_board.read_paths(DEFAULT)
-    inputs = {**module.INPUTS_FMT._asdict(), **{flat(path): fmt for path, fmt in paths.items()}}
+    inputs = {**module.INPUTS_FMT._asdict(), **{port_name(path): fmt for path, fmt in paths.items()}}
     pins = {name: (fmt, None) for name, fmt in module.PINS_FMT._asdict().items()}
     return test_rtl.Block(module, (None,), inputs, pins, rows=PORTS[stem].rows)
 

@@ -214,7 +214,7 @@ class Faulty:
         self.sim.now = (np.array([0.0]), np.array([25.0]))
 
     def run(self, frames, *faults):
-        self.sim.faults = simulate.faults_of(faults)
+        self.sim.faults = simulate.build_faults(faults)
         self.sim.advance(frames * 125, 0.0, 25.0)
 
     def written(self, name, raw, frames=3):

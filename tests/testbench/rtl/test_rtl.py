@@ -622,9 +622,9 @@ def test_keys_of_the_design_are_parameters_with_its_values(path):
 def blocks_within(stem):
     """The block, or those in control, in top or in the port of the host."""
     if stem in golden_blocks.BLOCKS:
-        return [registry.declared()[stem]]
+        return [registry.block_modules()[stem]]
     if stem in OF_HOST:
-        return [registry.declared()[name] for name in OF_HOST[stem] if name not in OF_HOST]
+        return [registry.block_modules()[name] for name in OF_HOST[stem] if name not in OF_HOST]
     where = {"control": "control.", "top": ""}[stem]
     return [module for role, (module, _) in wiring.instances().items() if role.startswith(where)]
 

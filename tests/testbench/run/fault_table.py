@@ -18,7 +18,7 @@ from fpga_model import fault_monitor, sequencer
 from fpga_model.rates import FRAME_HZ, TICK_HZ
 from testbench.config import Config, changed, scenario
 from testbench.run import build, simulate
-from testbench.run.doubts import SETTLE_FRAMES, Doubts
+from testbench.run.anomaly_warnings import SETTLE_FRAMES, AnomalyDetector
 from testbench.run.simulation import DEG, Simulation
 
 RATE_DPS, TEMP_DEGC = 100.0, 25.0
@@ -181,7 +181,7 @@ def run(case):
     """`Row` of a case."""
     config = changed(Config(), {"firmware.board": case.board, **dict(case.config)})
     sim = Simulation(config, TEMP_DEGC, TEMP_DEGC)
-    doubts = Doubts()
+    doubts = AnomalyDetector()
     doubts.active, doubts.locked = True, SETTLE_FRAMES
     sim.keep_codes, sim.sinks = False, [doubts]
     if case.power_on:

@@ -5,7 +5,7 @@ import pytest
 
 from fpga_model import sequencer
 from testbench.config import Config, changed
-from testbench.run.doubts import BLOCK_FRAMES, BLOCKS, CODES, SETTLE_FRAMES, Doubts
+from testbench.run.anomaly_warnings import BLOCK_FRAMES, BLOCKS, CODES, SETTLE_FRAMES, AnomalyDetector
 from testbench.run.simulation import FRAME
 
 FRAMES = SETTLE_FRAMES + 16 * BLOCK_FRAMES
@@ -43,7 +43,7 @@ def ring(frames, codes, names=("sin", "cos")):
 
 
 def warned(frames, config=None, pieces=1):
-    doubts = Doubts()
+    doubts = AnomalyDetector()
     doubts.active = True
     for piece in np.array_split(frames, pieces):
         doubts.add(0, piece, None)
@@ -99,7 +99,7 @@ def test_jumps_that_are_few_or_explained_are_not_said():
 def test_a_coarse_converter_jumps_by_its_steps():
     frames = rows()
     spike(frames, "adc_drive_sin", 1000, lasts=1)
-    doubts = Doubts(step=1024)
+    doubts = AnomalyDetector(step=1024)
     doubts.active = True
     doubts.add(0, frames, None)
     assert doubts.warnings(Config()) == ()
@@ -140,7 +140,7 @@ def test_a_word_that_drifts(name, part):
 
 
 def test_memory_does_not_grow():
-    doubts = Doubts()
+    doubts = AnomalyDetector()
     doubts.active = True
     for seed in range(10):
         doubts.add(0, rows(BLOCKS * BLOCK_FRAMES, seed), None)
@@ -150,7 +150,7 @@ def test_memory_does_not_grow():
 
 
 def test_a_checkpoint_continues_it():
-    frames, one, other = rows(), Doubts(), Doubts()
+    frames, one, other = rows(), AnomalyDetector(), AnomalyDetector()
     frames[-6 * BLOCK_FRAMES :, FRAME["adc_sense_sin"]] += 9000
     spike(frames, "adc_drive_cos", 700, first=7777 - BLOCK_FRAMES, last=7777 + 2 * BLOCK_FRAMES)
     ring(frames, 1000)

@@ -48,7 +48,7 @@ def locked_run(checked, temp_degc, rate_dps=0.0, stay_s=1.5, limit_s=LOCK_LIMIT_
     # the SID's own amplitude, CORDIC gain taken out, against its set-point
     setpoint = sim.state.fpga.registers.amplitude_setpoint
     assert np.mean(c["magnitude"][settled]) == pytest.approx(setpoint, rel=1e-4)
-    warm = thermal.at_temperature(checked.device(), temp_degc)
+    warm = thermal.device_at_temperature(checked.device(), temp_degc)
     planned = budget.budget(checked, temp_degc)
     expected = budget.lock_frequency_hz(warm.fx_hz, warm.qx, planned.node_deg()["xe1"], planned.loop_deg()["xe2"])
     measured = np.mean(c["frequency_word"][settled]) * build.clock_hz(checked) / 2**48

@@ -45,7 +45,7 @@ def test_blocks_give_the_fit_of_the_whole_record(free):
     basis, joint = np.stack(columns), phase_meter.Fit(len(theta), 2, free)
     for begin, end in itertools.pairwise((0, 5, 7000, 7001, 20_000, len(theta))):
         joint.add(theta[begin:end], [n[begin:end] for n in nodes], None if line is None else line[begin:end])
-    for node, pieces, whole in zip(nodes, joint.readings(), phase_meter.fits(theta, nodes, line)):
+    for node, pieces, whole in zip(nodes, joint.readings(), phase_meter.fit_samples(theta, nodes, line)):
         (a, b), rest = (coefficients := np.linalg.lstsq(basis.T, node)[0])[:2], node - coefficients @ basis
         slope = np.linalg.inv(basis @ basis.T)[:2].T @ [-b, a] / (a * a + b * b)
         ends = np.linspace(0, len(theta), phase_meter.SHARES + 1).astype(int)

@@ -5,7 +5,7 @@ import pytest
 
 from fpga_model import digital_sid, fault_monitor
 from testbench.config import Config
-from testbench.run import build, resting
+from testbench.run import build, repeated_code_probability
 from tests.testbench.bench_setup import configured
 
 
@@ -13,23 +13,23 @@ from tests.testbench.bench_setup import configured
 def test_repeats_is_what_samples_of_noise_do(sigma):
     codes = np.rint(np.random.default_rng(1).normal(0.0, sigma, 400_000))
     p = np.mean(codes[1:] == codes[:-1])
-    assert resting.repeats(sigma) == pytest.approx(p, abs=5 * np.sqrt(p / len(codes)))
+    assert repeated_code_probability.repeats(sigma) == pytest.approx(p, abs=5 * np.sqrt(p / len(codes)))
 
 
 def test_no_noise_repeats_for_ever():
-    assert resting.repeats(0.0) == 1.0
-    assert resting.alarm((0.0, 1.0), 1000) == 1.0
-    assert resting.alarm((0.5, 0.5), 2) == pytest.approx(0.75**2)
+    assert repeated_code_probability.repeats(0.0) == 1.0
+    assert repeated_code_probability.alarm((0.0, 1.0), 1000) == 1.0
+    assert repeated_code_probability.alarm((0.5, 0.5), 2) == pytest.approx(0.75**2)
 
 
 def test_the_decision_states_what_is_computed():
     """docs/decisions/0016-frozen-channels.md: 0.108, 0.062, 0.30, 2e-17 per frame; 0.34 of the samples."""
-    drive, _, sense, _ = resting.adc_repeats(Config())
+    drive, _, sense, _ = repeated_code_probability.adc_repeats(Config())
     assert (round(drive, 3), round(sense, 3)) == (0.108, 0.062)
-    assert round(resting.alarm(resting.adc_repeats(Config()), 1), 2) == 0.30
-    assert 1e-17 < resting.adc_alarm(Config()) < 2e-17
-    assert round(resting.sar_repeats(Config())[0], 2) == 0.34
-    assert resting.sar_alarm(Config()) < 1e-100
+    assert round(repeated_code_probability.alarm(repeated_code_probability.adc_repeats(Config()), 1), 2) == 0.30
+    assert 1e-17 < repeated_code_probability.adc_alarm(Config()) < 2e-17
+    assert round(repeated_code_probability.sar_repeats(Config())[0], 2) == 0.34
+    assert repeated_code_probability.sar_alarm(Config()) < 1e-100
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from testbench.config import Config
 from testbench.engines import lanes
 from testbench.errors import ConfigError
 from testbench.run import budget, build, simulate, tables
-from testbench.run.tally import amplitude_m
+from testbench.run.run_statistics import amplitude_m
 from tests.testbench.bench_setup import configured, quiet
 
 STATIC_PF = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
@@ -31,7 +31,7 @@ def test_the_amplitude_of_one_percent_is_that_of_the_integrated_ring(values, tem
 def test_the_loop_holds_what_the_demodulator_sees():
     linear, on = configured(), configured(**ON)
     gain, tau_s = propagator.cv_chain(linear.device(), "drive", 25.0)
-    held_m = budget.held_m(on, 25.0)
+    held_m = budget.setpoint_amplitude_m(on, 25.0)
     held_f = 1e-7 * held_m
     seen = ring_cycle.large(ring_tables.circuit(on.device(), "drive", 25.0), held_f)
     assert seen.seen_v_per_f * held_f == pytest.approx(gain * 5e-6, rel=1e-6)
@@ -42,7 +42,7 @@ def test_the_loop_holds_what_the_demodulator_sees():
     assert sense[0] == pytest.approx(sense[1], rel=4e-3)
     # a firmware that is designed for it asks for less
     both = configured(**ON, nominal__ring_saturation_on=1)
-    assert budget.held_m(both, 25.0) == pytest.approx(5e-6, rel=1e-6)
+    assert budget.setpoint_amplitude_m(both, 25.0) == pytest.approx(5e-6, rel=1e-6)
 
 
 def test_budget_and_run_say_it():
@@ -58,7 +58,7 @@ def test_budget_and_run_say_it():
 
 def test_what_cannot_saturate_is_refused():
     with pytest.raises(ValueError, match=r"set-point is .* V behind the ring"):
-        budget.held_m(configured(**ON, firmware__amplitude_um=12.0), 25.0)
+        budget.setpoint_amplitude_m(configured(**ON, firmware__amplitude_um=12.0), 25.0)
     with pytest.raises(ValueError, match=r"plant\.ring_saturation_on = 1 needs firmware\.board"):
         build.params(configured(**ON, firmware__board="digital_sid"), 25.0, 25.0)
     with pytest.raises(ConfigError, match=r"plant\.ring_saturation_on = 1"):
@@ -73,10 +73,10 @@ def test_the_page_says_what_the_ring_does():
     assert f"{at[-20.0]} at -20 degC, {at[50.0]} at 50 degC" in page
     for temp in (-20.0, 25.0, 50.0, 70.0):
         circuit = ring_tables.circuit(device, "drive", temp)
-        small = ring_cycle.steady(circuit, 0.0).volts_per_f
-        rows = [1 - ring_cycle.steady(circuit, pf * 1e-12).volts / (small * pf * 1e-12) for pf in STATIC_PF]
+        small = ring_cycle.steady_state(circuit, 0.0).volts_per_f
+        rows = [1 - ring_cycle.steady_state(circuit, pf * 1e-12).volts / (small * pf * 1e-12) for pf in STATIC_PF]
         assert f"| {temp:g} degC | {' | '.join(f'{100 * loss:.1f}' for loss in rows)} % |" in page
-    held_um = 1e6 * budget.held_m(configured(**ON), 25.0)
+    held_um = 1e6 * budget.setpoint_amplitude_m(configured(**ON), 25.0)
     xe2 = [budget.budget(configured(**values)).node_deg()["xe2"] for values in ({}, ON)]
     assert f"moves {held_um:.2f} um instead of 5, and xe2 falls by {xe2[0] - xe2[1]:.3f} deg" in page
 
@@ -108,7 +108,7 @@ def test_a_run_holds_the_amplitude_and_has_the_delay(locked):
     checked, sim = locked
     sim.engine = "frame"
     found = sim.probe(100_000, 0.0, 25.0)
-    held_um = 1e6 * budget.held_m(checked, 25.0)
+    held_um = 1e6 * budget.setpoint_amplitude_m(checked, 25.0)
     # the default's linear loop holds 3.4e-4 more than its set-point; where the ring saturates that is 3 times as much
     assert 1e6 * found.amplitude["xe2"] == pytest.approx(held_um, rel=1.5e-3)
     # 2 ns of delay

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpga_model import sequencer
-from testbench.run import tally
+from testbench.run import run_statistics
+from testbench.run.run_statistics import RunStatistics, StartUp
 from testbench.run.simulation import FRAME, TRUTH
-from testbench.run.tally import StartUp, Tally
 
 LSB_HZ = 26e6 / 2**48
 
@@ -28,7 +28,7 @@ def fed(sink, frames, truth, cuts, first_frame=0, restart=()):
     """The sink after all rows in pieces; a new one takes over before the pieces in `restart`."""
     for k, (begin, end) in enumerate(zip([0, *cuts], [*cuts, len(frames)])):
         if k in restart:
-            values, sink = sink.dump(), type(sink)(*([LSB_HZ] if isinstance(sink, Tally) else []))
+            values, sink = sink.dump(), type(sink)(*([LSB_HZ] if isinstance(sink, RunStatistics) else []))
             sink.restore(values)
             sink.active = True
         if end > begin:
@@ -40,10 +40,10 @@ def fed(sink, frames, truth, cuts, first_frame=0, restart=()):
 @given(st.lists(st.integers(1, 4999), max_size=4).map(sorted), st.sets(st.integers(0, 4)))
 def test_means_of_pieces_are_those_of_the_whole(cuts, restart):
     frames, truth = rows(5000)
-    sums = Tally(LSB_HZ)
+    sums = RunStatistics(LSB_HZ)
     sums.active = True
     sums = fed(sums, frames, truth, cuts, restart=restart)
-    for name in tally.SUMMED:
+    for name in run_statistics.SUMMED:
         assert sums.mean(name) == sum(frames[:, FRAME[name]].tolist()) / 5000
     assert sums.flags == 0b111
     assert sums.temp_degc == truth[-1, TRUTH["temperature"]]
@@ -54,7 +54,7 @@ def test_means_of_pieces_are_those_of_the_whole(cuts, restart):
 
 def test_only_the_scenario_counts():
     frames, truth = rows(100)
-    sums = Tally(LSB_HZ)
+    sums = RunStatistics(LSB_HZ)
     sums.add(0, frames, truth)
     assert sums.rows == 0
 

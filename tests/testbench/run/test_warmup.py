@@ -31,7 +31,7 @@ class Child:
 
 
 def release_turn():
-    if warmup._turn.cache_info().currsize and not isinstance(turn := warmup._turn(), shared_files.Held):
+    if warmup._turn.cache_info().currsize and not isinstance(turn := warmup._turn(), shared_files.LockedError):
         turn.close()
     warmup._turn.cache_clear()
 
@@ -90,7 +90,7 @@ def test_one_can_wait_for_the_frame_engine(children):
 
 
 def test_a_filled_cache_needs_none(children, monkeypatch):
-    monkeypatch.setattr(warmup, "is_cached", lambda dispatcher: dispatcher is frame.blocks)
+    monkeypatch.setattr(warmup, "is_cached", lambda dispatcher: dispatcher is frame.run_blocks)
     warmup.warm_up()
     assert warmup.frame_run() is frame.run
     assert children == []

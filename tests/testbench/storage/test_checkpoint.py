@@ -328,7 +328,7 @@ def test_one_bit_flipped_in_any_file_of_an_unfinished_run_is_refused_or_without_
     """What is read is what was written, or nothing is read: rows, checkpoint, window and configuration."""
     whole = reading(interrupted)
     assert whole.recording.spool.rows > 100
-    want = [rows.tobytes() for rows in whole.recording.spool.blocks()]
+    want = [rows.tobytes() for rows in whole.recording.spool.row_blocks()]
     names = sorted(path.name for path in (interrupted / checkpoint.FOLDER).iterdir() if path.name != "lock")
     assert names == ["checkpoint.h5", "config.toml", "rows.bin", "window.bin"]
     rng, refusals = np.random.default_rng(count), dict.fromkeys(names, 0)

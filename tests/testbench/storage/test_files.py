@@ -40,7 +40,7 @@ def write(kind, content, folder, pause_s=0.0):
                 time.sleep(pause_s)
                 (new / name).write_text(content * 1000)
     else:
-        with files.together():
+        with files.atomic_outputs():
             for name in NAMES:
                 time.sleep(pause_s)
                 files.write_text(folder / "set" / name, content * 1000)
@@ -151,7 +151,7 @@ def test_when_the_process_that_renames_is_killed_this_one_goes_on(tmp_path, monk
         files.write_text(tmp_path / name, "old")
     dies = files.RENAME.replace("os.replace", "os.kill(os.getpid(), 9) if k > 1 else os.replace")
     monkeypatch.setattr(files, "RENAME", dies)
-    with files.together():
+    with files.atomic_outputs():
         for name in NAMES:
             files.write_text(tmp_path / name, "new")
     assert {(tmp_path / name).read_text() for name in NAMES} == {"new"}
@@ -183,7 +183,7 @@ def test_a_failure_leaves_the_old_set(tmp_path, kind):
             with files.replacing_folder(tmp_path / "set", "a.txt") as new:
                 (new / "a.txt").write_text("new")
                 raise KeyError
-        with files.together():
+        with files.atomic_outputs():
             files.write_text(tmp_path / "set" / "a.txt", "new")
             raise KeyError
 
@@ -257,13 +257,13 @@ def test_a_link_of_the_user_to_a_folder_is_followed(tmp_path):
 
 def begin_a_run(folder):
     with checkpoint.Partial(folder) as partial:
-        partial.begin("")
+        partial.begin_run("")
 
 
 WRITERS = {
     "run": (begin_a_run, "run.partial"),
     "probe": (outputs.check_folder, "."),
-    "campaign": (lambda folder: store.Store.at(folder, create=True), "points"),
+    "campaign": (lambda folder: store.Store.open_folder(folder, create=True), "points"),
     "trace": (lambda folder: kept.Store(folder).save_arrays("ab" * 32, []), kept.code_sha256()[:16]),
 }
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from testbench.errors import FileError
-from testbench.storage import files, hdf5_input, inputs, trial
+from testbench.storage import files, hdf5_input, inputs, sandboxed_read
 from testbench.storage.record import RecordError
 
 MOST_OBJECTS = 100  # to write ten thousand takes long
@@ -127,14 +127,14 @@ trial.main(lambda path: {body})
 def test_a_process_that_hangs_grows_or_dies_is_one_line(tmp_path, monkeypatch, body, said):
     (tmp_path / "reader.py").write_text(READER.format(body=body))
     (tmp_path / "a").write_text("x")
-    monkeypatch.setattr(trial, "LONGEST_S", 1.0)
+    monkeypatch.setattr(sandboxed_read, "LONGEST_S", 1.0)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path) + os.pathsep + os.environ.get("PYTHONPATH", ""))
     began = time.monotonic()
     if said is None:
-        assert trial.tried("reader", tmp_path / "a", "test") == b"read a"
+        assert sandboxed_read.read_in_subprocess("reader", tmp_path / "a", "test") == b"read a"
         return
     with pytest.raises(FileError, match=f"is no test that can be read: .*{said}") as caught:
-        trial.tried("reader", tmp_path / "a", "test")
+        sandboxed_read.read_in_subprocess("reader", tmp_path / "a", "test")
     assert len(str(caught.value).splitlines()) == 1
     assert time.monotonic() - began < 30
 

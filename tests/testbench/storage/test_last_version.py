@@ -113,8 +113,8 @@ def test_an_interrupted_run_is_continued_to_the_bytes_of_an_uncut_one(folder, ca
 
 def test_a_campaign_store_is_listed_and_collected_to_the_same_results(folder, capsys):
     assert said(capsys, "campaign", "status", "store").startswith("two                  2/2 points finished")
-    opened = store.Store.at("store")
-    addresses = collect.stored_points(opened, "two").addresses
+    opened = store.Store.open_folder("store")
+    addresses = collect.read_stored_plan(opened, "two").addresses
     points = [collect.read_point(opened, address)[1] for address in addresses]
     assert [float(point["rate_word.mean"].data) for point in points] == pytest.approx(
         [592883.03125, 892476.11], rel=1e-6

@@ -167,7 +167,7 @@ def test_shares_of_a_unit_are_units(tmp_path, unit):
 
 @pytest.mark.parametrize("unit", ["", "furlong", "furlong/2^3", "V/2^", "ten V/2^3", "V/3^2", None])
 def test_other_units_are_not(unit):
-    assert not record.known_unit(unit)
+    assert not record.is_valid_unit(unit)
 
 
 def test_a_file_that_takes_a_few_bytes_at_a_time_is_written_whole(tmp_path):

@@ -56,7 +56,7 @@ def test_how_rows_come_does_not_matter(tmp_path_factory, cuts, decimate):
     made = filled(frames, truth, sorted(cuts), decimate=decimate, path=path)
     made.flush()
     want = filled(frames, truth, decimate=decimate)
-    assert path.read_bytes() == b"".join(block.tobytes() for block in want.blocks())
+    assert path.read_bytes() == b"".join(block.tobytes() for block in want.row_blocks())
     assert made.rows == want.rows == 20_000 // decimate
 
 
@@ -160,7 +160,7 @@ def test_rows_that_another_run_took_or_gave_are_missed(tmp_path):
     made.flush()
     filled(*rows(10), path=path).flush()
     with pytest.raises(FileError, match=r"rows\.bin: holds 1240 bytes, 12400 were written: another run"):
-        list(made.blocks())
+        list(made.row_blocks())
     path.unlink()
     made.add(140, *rows(5))
     with pytest.raises(FileError, match=r"rows\.bin: cannot be written: No such file"):
@@ -173,7 +173,7 @@ def test_a_disk_that_takes_part_of_a_write_gets_the_rest(tmp_path, monkeypatch):
     made = filled(frames, truth, path=path)
     monkeypatch.setattr(spool, "open", lambda *args, buffering: Disk(*args, buffering, 1000), raising=False)
     made.flush()
-    assert path.read_bytes() == next(filled(frames, truth).blocks()).tobytes()
+    assert path.read_bytes() == next(filled(frames, truth).row_blocks()).tobytes()
 
 
 def test_the_record_is_that_of_the_columns(tmp_path, monkeypatch):

@@ -97,7 +97,7 @@ def test_force_per_word_is_the_fundamental_of_a_table(sizes):
     config = changed(sine_address_bits=a, sine_fraction_bits=f, sine_bits=b)
     # rounding of a quarter's cells, 3 sigma; a quarter is all that differs
     sigma = 2 * math.sqrt(1 / 6 / cells) / 2 ** (b - 1)
-    p = prediction.linear_parts(config)
+    p = prediction.linear_parameters(config)
     held = config.device().sense_dac_span_v / 2**23 * np.sinc(p.w_rad_s / (2 * np.pi) / 1e6)
     assert p.volts_per_word / held == pytest.approx(fundamental, abs=3 * sigma + 1e-8)
 
@@ -116,15 +116,15 @@ def test_steps_of_a_converter_are_white_under_the_rule():
 
 
 def test_cost_counts_what_the_design_takes_away():
-    base = cost.cost(configuration.Config())
-    narrow = cost.cost(changed(coefficient_fraction_bits=16))
+    base = cost.design_cost(configuration.Config())
+    narrow = cost.design_cost(changed(coefficient_fraction_bits=16))
     assert base.registers - narrow.registers == 4 * 2 * 8, "prop and acc of four loops"
     assert base.multipliers - narrow.multipliers == 2 * 8 * 4 * pi.ERR.width
-    small = cost.cost(changed(sine_address_bits=8))
+    small = cost.design_cost(changed(sine_address_bits=8))
     assert (base.tables, small.tables) == (1024 * 36, 256 * 38)
-    dac = cost.cost(changed(sense_dac="generic", sense_dac_bits=16))
+    dac = cost.design_cost(changed(sense_dac="generic", sense_dac_bits=16))
     assert base.registers - dac.registers == 3 * 4 + 8, "three codes, and the shift register of 24 bits"
-    adc = cost.cost(changed(adc="generic", adc_bits=16))
+    adc = cost.design_cost(changed(adc="generic", adc_bits=16))
     assert base.registers - adc.registers == 8 * (8 + 2)
 
 
@@ -159,7 +159,7 @@ def test_the_plan_of_the_repository():
 
 
 def test_the_line_of_the_default_board():
-    f_hz = prediction.linear_parts(configuration.Config()).w_rad_s / (2 * np.pi)
+    f_hz = prediction.linear_parameters(configuration.Config()).w_rad_s / (2 * np.pi)
     page = " ".join((ROOT / "docs" / "word_lengths.md").read_text().split())
     assert f"8271 times its drive frequency is {8271 * f_hz - 91e6:.2f} Hz beside 91 MHz" in page
 
@@ -179,7 +179,7 @@ def test_the_command_writes_predictions_first_and_compares(tmp_path):
     found = json.loads(done.stdout)
     (kept,) = (tmp_path / "s" / "predictions").glob("small-*.json")
     assert json.loads(kept.read_text())["sha256"] == found["predictions_sha256"]
-    first = min(event.t for event in Store.at(tmp_path / "s").events())
+    first = min(event.t for event in Store.open_folder(tmp_path / "s").events())
     assert kept.stat().st_mtime <= first
     one = found["designs"]["ADC 18"]
     assert one["simulated"]["scale_ppm"] == pytest.approx(6 / 8794 * 1e6, rel=1e-9)
@@ -222,7 +222,7 @@ def test_a_point_of_a_real_run():
             self.rows += len(frames)
 
     sink = Sink()
-    (found,) = points.play([config], [sink])
+    (found,) = points.run_points([config], [sink])
     assert sink.rows == 16000
     expected = prediction.predict(config)
     assert found["locked"] == 1

@@ -35,7 +35,7 @@ class Gauge(Problem, adds="t sd"):
         whole = (Observable("y", "V", slice(0, 40)),)
         self.segments = tuple(Segment(f"s{r}", {}, "s", r, "fit", whole) for r in range(2))
 
-    def measured(self, k):
+    def segment_features(self, k):
         return self._y[k]
 
     def predict(self, points, which):
@@ -52,7 +52,7 @@ class Gauge(Problem, adds="t sd"):
     def noise_draw(self, k, rng):
         return self.sd * rng.normal(size=40)
 
-    def floor(self, k):
+    def repeatability_rms(self, k):
         return {"y": self.sd}
 
 
@@ -89,7 +89,7 @@ def test_intervals_know_of_what_repeats_share(shared, narrow):
         problem._y = [y + common[s.group] for y, s in zip(problem._y, problem.segments)]
         asked = Model(Space(problem, "fit"), Predictor(problem), ("duffing",))
         fit = calibrate.fit(asked, asked.start())
-        off.append((fit.point.c[0] - 0.3) / np.sqrt([fit.covariance[-1, -1], fit.told[-1, -1]]))
+        off.append((fit.point.c[0] - 0.3) / np.sqrt([fit.covariance[-1, -1], fit.interval_covariance[-1, -1]]))
     # repeats' own and shared variance are alike: their mean has 1.5 of it, their scatter says 0.5
     fitted, told = np.std(off, axis=0)
     assert fitted == pytest.approx(narrow, rel=0.25)  # 40 pulls: 0.11 a sigma

@@ -10,7 +10,7 @@ from testbench.tracing import next_experiment
 from testbench.tracing.fit import causes, heldout
 from testbench.tracing.fit.search import Search
 from testbench.tracing.noise.power import clopper_pearson
-from testbench.tracing.problem.problem import same_laws
+from testbench.tracing.problem.problem import duplicate_laws
 from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.test_verdicts import CLEAR, QUICK, SIGMA
 from tests.testbench.tracing.toys import LAWS, LIBRARY, NEAR, Toy
@@ -109,7 +109,7 @@ def test_six_causes_are_no_class():
     problem.laws = tuple(law._replace(same="feed" if law.name == "feed" else "") for law in LAWS)
     result = trace(problem, QUICK)
     assert (result.verdict, result.effects[0]["same_as"]) == ("named", [law.name for law in copies])
-    assert same_laws(problem, [law.name for law in problem.library]) == {f"feed{i}": "feed0" for i in range(1, 5)}
+    assert duplicate_laws(problem, [law.name for law in problem.library]) == {f"feed{i}": "feed0" for i in range(1, 5)}
 
 
 def test_a_class_that_may_be_incomplete_is_not_named(monkeypatch):
@@ -118,7 +118,7 @@ def test_a_class_that_may_be_incomplete_is_not_named(monkeypatch):
     tracer = Tracer(problem, QUICK, None, None)
     assert tracer.run().verdict == "named"
     best = tracer.found.best
-    sets = causes.near(tracer.pool, best, tracer.found.fit(best), tracer.work.laws)
+    sets = causes.nearby_sets(tracer.pool, best, tracer.found.fit(best), tracer.work.laws)
     assert len(sets) > 24
     for names in (tuple(sorted(n)) for n in sets):
         assert names in tracer.work.failed or tracer.work.candidates[names].refitted
@@ -138,8 +138,8 @@ def test_a_rival_far_off_in_chi2_is_of_the_class_below_odds_of_50(odds, inside, 
     assert own.fit.cost - tracer.found.fit(best).cost > causes.AS_GOOD
     log_z = own.log_z + work.score(best) - work.score(rival) - np.log(odds)
     monkeypatch.setitem(work.candidates, rival, own._replace(log_z=log_z))
-    monkeypatch.setattr(causes, "near", lambda *args: [rival])
-    found, _ = causes.class_of(work, tracer.pool, best, lambda fit: True)
+    monkeypatch.setattr(causes, "nearby_sets", lambda *args: [rival])
+    found, _ = causes.find_causes(work, tracer.pool, best, lambda fit: True)
     assert (rival in [c.names for c in found]) == inside
 
 
@@ -210,7 +210,7 @@ def test_each_law_of_a_part_lowers_the_held_out_error_and_has_no_probability():
 
 def test_what_makes_the_held_out_error_larger_is_dropped(monkeypatch):
     """An observable that is worse by more than its interval and by 2 %, with chi2 of all better."""
-    judged = heldout.judge
+    judged = heldout.evaluate_heldout
 
     def worse(*args):
         found = judged(*args)
@@ -218,7 +218,7 @@ def test_what_makes_the_held_out_error_larger_is_dropped(monkeypatch):
             found.rows["f"] |= {"gain": -0.03 * found.rows["f"]["before"], "gain_most": -0.001}
         return found
 
-    monkeypatch.setattr(heldout, "judge", worse)
+    monkeypatch.setattr(heldout, "evaluate_heldout", worse)
     result = trace(Toy(5, {"feed": 0.2}), QUICK)
     assert (result.verdict, result.effects) == ("unexplained", [])
     assert any("held-out error is larger with it: f" in note for note in result.notes)

@@ -34,7 +34,7 @@ class Line(Problem):
                 self._y.append(slope * x + rng.normal(size=rows))
                 self._x.append(x)
 
-    def measured(self, k):
+    def segment_features(self, k):
         return self._y[k]
 
     def predict(self, points, which):
@@ -46,7 +46,7 @@ class Line(Problem):
     def noise_draw(self, k, rng):
         return rng.normal(size=len(self._x[k]))
 
-    def floor(self, k):
+    def repeatability_rms(self, k):
         return {"y": 1.0}
 
 

@@ -10,11 +10,11 @@ from scipy.stats import binom, multivariate_normal
 from testbench.tracing import report
 from testbench.tracing.figures import all_figures
 from testbench.tracing.fit import discover, heldout
-from testbench.tracing.fit.heldout import FLOOR_FACTOR, bootstrap, foretold, p_above
-from testbench.tracing.fit.rivals import sigma_along
+from testbench.tracing.fit.heldout import FLOOR_FACTOR, bootstrap, mean_square_p, predictive_log_odds
+from testbench.tracing.fit.rivals import change_sigma
 from testbench.tracing.noise.power import clopper_pearson
 from testbench.tracing.problem.problem import PortForce
-from testbench.tracing.problem.result import plain
+from testbench.tracing.problem.result import plain_value
 from testbench.tracing.problem.space import Block
 from testbench.tracing.trace import Options, Tracer, trace
 from tests.testbench.tracing.toys import BINS, FIT, Toy
@@ -29,7 +29,7 @@ def test_held_out_errors_are_the_rms_of_single_repeats():
     held = [k for k, s in enumerate(problem.segments) if s.role == "validate"]
     for label, fit in (("before", tracer.fits["before"]), ("after", tracer.fits["after"])):
         predicted = problem.predict([(fit.point.theta, fit.model.effects(fit.point))], held)[0]
-        errors = np.concatenate([problem.measured(k)[BINS:] - p[BINS:] for k, p in zip(held, predicted)])
+        errors = np.concatenate([problem.segment_features(k)[BINS:] - p[BINS:] for k, p in zip(held, predicted)])
         assert result.heldout["a"][label] == pytest.approx(np.sqrt(np.mean(errors**2)))
     row = result.heldout["a"]
     assert row["before_ci"][0] < row["before"] < row["before_ci"][1]
@@ -86,9 +86,9 @@ def test_an_error_above_the_floor_is_seen_if_the_rows_suffice_and_not_called_so_
     root = np.linalg.cholesky(mix)
     sets = np.mean((root @ rng.normal(size=(rows, 1000))) ** 2, axis=0)
     tried = np.mean((root @ rng.normal(size=(rows, 600))) ** 2, axis=0)
-    p = np.array([p_above(FLOOR_FACTOR**2 * v, sets) for v in tried])
+    p = np.array([mean_square_p(FLOOR_FACTOR**2 * v, sets) for v in tried])
     assert binom.ppf(1e-3, 600, 0.05) <= np.sum(p < 0.05) <= binom.ppf(1 - 1e-3, 600, 0.06)
-    share = np.mean([p_above(bad**2 * v, sets) < 0.01 for v in tried])
+    share = np.mean([mean_square_p(bad**2 * v, sets) < 0.01 for v in tried])
     assert share > 0.9 if seen else share < 0.1
 
 
@@ -119,21 +119,21 @@ def test_held_out_odds_are_those_of_two_predictive_densities(size, truth):
     outer, without, with_law = np.outer(along, along), 0.3, 0.7  # sigmas that each fit does not know
     first = rng.normal(size=rows) + truth * along
     last = first - size * along
-    noise = np.eye(rows) + (sigma_along(_Space, size * along, last) ** 2 - 1) * outer
+    noise = np.eye(rows) + (change_sigma(_Space, size * along, last) ** 2 - 1) * outer
     one, two = (multivariate_normal(np.zeros(rows), noise + sd**2 * outer) for sd in (without, with_law))
-    found = foretold(_Space, first, last, without * along[:, None], with_law * along[:, None])
+    found = predictive_log_odds(_Space, first, last, without * along[:, None], with_law * along[:, None])
     assert found == pytest.approx(two.logpdf(last) - one.logpdf(first), abs=1e-9)
     if size == 4.0:
         assert found > 3 if truth else found < -3
-    assert foretold(_Space, first, last, None, along[:, None]) == 0.0
+    assert predictive_log_odds(_Space, first, last, None, along[:, None]) == 0.0
 
 
 @pytest.mark.parametrize(
     ("log_odds", "listed", "named"), [(1.1, True, True), (0.9, True, False), (-1000.0, False, False)]
 )
 def test_a_law_that_held_out_data_do_not_support_is_not_named(monkeypatch, log_odds, listed, named):
-    judged = heldout.judge
-    monkeypatch.setattr(heldout, "judge", lambda *args: judged(*args)._replace(log_odds=log_odds))
+    judged = heldout.evaluate_heldout
+    monkeypatch.setattr(heldout, "evaluate_heldout", lambda *args: judged(*args)._replace(log_odds=log_odds))
     result = trace(Toy(5, {"feed": 0.1}), QUICK)
     assert [row["law"] for row in result.effects] == ["feed"] * listed
     assert result.verdict == ("named" if named else "unexplained")
@@ -238,7 +238,9 @@ def test_the_page_is_whole_and_needs_nothing_else():
 
 
 def test_plain_numbers_only():
-    data = plain({"a": np.float64("nan"), "b": [np.int64(3), np.bool_(True)], "c": np.array([1.0, np.inf]), 4: (1,)})
+    data = plain_value(
+        {"a": np.float64("nan"), "b": [np.int64(3), np.bool_(True)], "c": np.array([1.0, np.inf]), 4: (1,)}
+    )
     assert data == {"a": None, "b": [3, True], "c": [1.0, None], "4": [1]}
 
 
@@ -247,8 +249,8 @@ def heldout_p(problem):
     tracer = Tracer(problem, QUICK, None, None)
     tracer.calibrate()
     fits = {"after": tracer.base.fit}
-    alone = heldout.judge(problem, tracer.held, tracer.predictor, fits)
-    return tracer.noise.p, tracer.judged(fits).p, alone.p
+    alone = heldout.evaluate_heldout(problem, tracer.held, tracer.predictor, fits)
+    return tracer.noise.p, tracer.heldout_result(fits).p, alone.p
 
 
 @pytest.mark.parametrize(("seed", "how"), [(1033, {"noise": 1.2}), (1061, {"noise": 1.2}), (1041, {"flicker": 1.5})])
@@ -273,8 +275,8 @@ def test_the_chance_of_a_held_out_chi2_is_its_chance(how):
 
 def test_noise_without_any_scatter_has_a_chance_all_the_same():
     same, some = np.full(100, 2.0), np.random.default_rng(0).chisquare(20, 100)
-    assert [p_above(square, same) for square in (2.0, 2.2, 2.4)] == [1.0, 1.0, 0.0]  # 1.06^2 times 2 is 2.25
-    assert heldout.p_floor(500.0, some, 0.0, np.zeros(100)) == p_above(500.0, some) < 1e-6
+    assert [mean_square_p(square, same) for square in (2.0, 2.2, 2.4)] == [1.0, 1.0, 0.0]  # 1.06^2 times 2 is 2.25
+    assert heldout.p_floor(500.0, some, 0.0, np.zeros(100)) == mean_square_p(500.0, some) < 1e-6
     # repeats that differ, by a noise of which repeats are the same: that noise judges nothing
     assert heldout.p_floor(500.0, some, 3.0, np.zeros(100)) == 1.0
 
@@ -290,6 +292,6 @@ def test_noise_that_is_louder_than_declared_is_no_error_of_the_model(louder, mis
 
     sets, tried = squares(1000, 1.0, 0.0), squares(300, louder, misfit * np.sin(np.arange(rows)))
     p = [heldout.p_floor(square, sets[0], apart, sets[1]) < 0.01 for square, apart in zip(*tried)]
-    alone = [p_above(square, sets[0]) < 0.01 for square in tried[0]]
+    alone = [mean_square_p(square, sets[0]) < 0.01 for square in tried[0]]
     assert np.mean(alone) > 0.9 or louder == 1.0
     assert np.mean(p) > 0.9 if seen else np.mean(p) < 0.03

@@ -148,7 +148,7 @@ def test_work_of_other_sources_is_computed_again(tmp_path, monkeypatch):
 def test_one_changed_bit_anywhere_is_not_believed(tmp_path):
     store = Store(tmp_path)
     store.save_arrays("ab12", [np.arange(3.0)])
-    assert store.stage("cd34", lambda: {"p": 0.25}) == {"p": 0.25}
+    assert store.load_or_compute("cd34", lambda: {"p": 0.25}) == {"p": 0.25}
     rng = random.Random(1)
     for path in files(tmp_path):
         whole = path.read_bytes()
@@ -159,7 +159,7 @@ def test_one_changed_bit_anywhere_is_not_believed(tmp_path):
             if path.suffix == ".npz":
                 assert store.load_arrays("ab12") is None
             else:
-                assert store.stage("cd34", lambda: "computed again") == "computed again"
+                assert store.load_or_compute("cd34", lambda: "computed again") == "computed again"
         path.write_bytes(whole)
 
 
@@ -168,7 +168,7 @@ def test_one_changed_bit_anywhere_is_not_believed(tmp_path):
 def test_a_file_that_is_not_what_was_kept_is_not_believed(tmp_path, ending, damage):
     store, key, other = Store(tmp_path), digest("one"), digest("other")
     for k, name in enumerate((key, other)):
-        store.stage(name, lambda k=k: {"x": k})
+        store.load_or_compute(name, lambda k=k: {"x": k})
         store.save_arrays(name, [np.arange(3.0) + k])
     path, foreign = (next(tmp_path.rglob(f"{name}{ending}")) for name in (key, other))
     data = bytearray(path.read_bytes())
@@ -184,8 +184,8 @@ def test_a_file_that_is_not_what_was_kept_is_not_believed(tmp_path, ending, dama
         assert store.load_arrays(key) is None
     elif damage == "folder":
         with pytest.raises(FileError, match="cannot be written"):
-            store.stage(key, lambda: {"x": 0})
+            store.load_or_compute(key, lambda: {"x": 0})
     else:
-        assert store.stage(key, lambda: {"x": "again"}) == {"x": "again"}
+        assert store.load_or_compute(key, lambda: {"x": "again"}) == {"x": "again"}
     assert store.load_arrays(other)[0].tolist() == [1.0, 2.0, 3.0]
-    assert store.stage(other, lambda: pytest.fail("asked again")) == {"x": 1}
+    assert store.load_or_compute(other, lambda: pytest.fail("asked again")) == {"x": 1}

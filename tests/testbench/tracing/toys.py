@@ -125,7 +125,7 @@ class Toy(Problem, adds="declared theta effects without"):
         self._y, self._conditions = [self._y[k] for k in kept], [self._conditions[k] for k in kept]
         self.segments = tuple(self.segments[k] for k in kept)
 
-    def measured(self, k):
+    def segment_features(self, k):
         return self._y[k]
 
     def predict(self, points, which):
@@ -160,5 +160,5 @@ class Toy(Problem, adds="declared theta effects without"):
     def noise_draw(self, k, rng):
         return np.concatenate([self._chol[o] @ rng.normal(size=BINS) for o in ("f", "a")])
 
-    def floor(self, k):
+    def repeatability_rms(self, k):
         return {o: float(np.sqrt(np.diag(self.declared[o]).mean())) for o in ("f", "a")}

@@ -10,12 +10,12 @@ from testbench.golden.bundles.benches.cocotb import cocotb_test, cocotb_top
 from testbench.golden.bundles.benches.layout import PARTS, RESET_CYCLES, SHOWN, half_ps, results, rom_name, slices  # noqa: F401
 from testbench.golden.bundles.benches.makefile import check_script, core, core_name, makefile
 from testbench.golden.bundles.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type  # noqa: F401
-from testbench.golden.bundles.benches.verilog import instance, span, verilog_bench  # noqa: F401
+from testbench.golden.bundles.benches.verilog import dut_instance, span, verilog_bench  # noqa: F401
 from testbench.golden.bundles.benches.vhdl import component, vhdl_bench, vhdl_slice  # noqa: F401
 from testbench.golden.bundles.benches.vunit import vunit_bench, vunit_run
 
 
-def texts(block, case, count):
+def bench_texts(block, case, count):
     """{path: text} of everything that runs elsewhere, for a case of `count` rows."""
     stem = block.stem
     return {

@@ -3,14 +3,14 @@
 Source  docs/golden.md (using a bench in your own flow)
 """
 
-from testbench.golden.bundles.benches.layout import PARTS, SHOWN, counted, half_ps, inputs_of, levels_of, results
+from testbench.golden.bundles.benches.layout import PARTS, SHOWN, block_levels, counted, half_ps, input_ports, results
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.benches.verilog import instance, span
+from testbench.golden.bundles.benches.verilog import dut_instance, span
 
 
 def cocotb_top(block, case):
     """The design with the case's parameters, as the top level of cocotb."""
-    ports = ["    input wire clk", *(f"    input wire {span(p.width)}{n}" for n, p in inputs_of(block))]
+    ports = ["    input wire clk", *(f"    input wire {span(p.width)}{n}" for n, p in input_ports(block))]
     ports += [f"    output wire {span(p.width)}{n}" for n, p in results(block)]
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
@@ -19,7 +19,7 @@ module cocotb_{block.stem} (
 );
     `include "params.vh"
 
-{instance(block, case, lambda name: name)}
+{dut_instance(block, case, lambda name: name)}
 endmodule
 """
 
@@ -33,6 +33,6 @@ def cocotb_test(block, case):
         sources=repr((*PARTS.get(block.stem, ()), block.stem)),
         half_ps=half_ps(block),
         shown=SHOWN,
-        ports=repr({level: counted(block, level) for level in levels_of(block)}),
+        ports=repr({level: counted(block, level) for level in block_levels(block)}),
         default="registers",
     )

@@ -4,7 +4,7 @@ Source  docs/golden.md (what a design must look like)
 """
 
 from fpga_model import wiring
-from fpga_model.block import declared, parts_of
+from fpga_model.block import block_modules, state_modules
 from testbench.golden.stimulus import levels
 from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, case_parameters
 
@@ -14,12 +14,13 @@ SHOWN = 10  # rows that a bench reports in full
 
 def _parts():
     """{stem: blocks that a design may build from}; an optional block is no part of the whole design."""
-    found = {
-        stem: tuple(p.__name__.rpartition(".")[2] for p in parts_of(m.State).values()) for stem, m in declared().items()
+    parts_by_stem = {
+        stem: tuple(p.__name__.rpartition(".")[2] for p in state_modules(m.State).values())
+        for stem, m in block_modules().items()
     }
     used = {module.__name__.rpartition(".")[2] for module, _ in wiring.instances().values()}
-    used |= {part for stem in used for part in found[stem]}
-    return found | {"top": (*(stem for stem in BLOCKS if stem in used), "control")}
+    used |= {part for stem in used for part in parts_by_stem[stem]}
+    return parts_by_stem | {"top": (*(stem for stem in BLOCKS if stem in used), "control")}
 
 
 PARTS = _parts()
@@ -50,47 +51,47 @@ def results(block):
 def set_params(block, case):
     """`params_of` but for those that no design needs."""
     unused = levels.unused_params(block)
-    return [found for found in case_parameters(block, case) if found[0] not in unused]
+    return [entry for entry in case_parameters(block, case) if entry[0] not in unused]
 
 
-def levels_of(block):
+def block_levels(block):
     """Levels at which a block has ports; registers is always one."""
-    stated = levels.levels_entry(block)
-    return [level for level in levels.LEVELS if stated.get(level, True)]
+    levels_entry = levels.levels_entry(block)
+    return [level for level in levels.LEVELS if levels_entry.get(level, True)]
 
 
-def judged_at(block, level):
+def compared_names(block, level):
     """Names of the ports that a level judges."""
     return [name for name, _ in results(block)] if level == "registers" else levels.levels_entry(block)[level]
 
 
 def counted(block, level):
     """What a bench says of the ports that it judges."""
-    count = f"{len(judged_at(block, level))} ports"
+    count = f"{len(compared_names(block, level))} ports"
     return count if level == "registers" else f"{count} at level {level}"
 
 
-def mask_of(block, level):
+def level_mask(block, level):
     """Packed word with a 1 in every bit that a level judges."""
-    seen, word = judged_at(block, level), 0
+    names, word = compared_names(block, level), 0
     for name, port in results(block):
-        word = word << port.width | ((1 << port.width) - 1) * (name in seen)
+        word = word << port.width | ((1 << port.width) - 1) * (name in names)
     return word
 
 
-def slices(named):
+def slices(ports):
     """(name, port, msb, lsb) of ports packed side by side, the first in the most significant bits."""
-    left = sum(port.width for _, port in named)
-    for name, port in named:
-        yield name, port, left - 1, left - port.width
-        left -= port.width
+    remaining_bits = sum(port.width for _, port in ports)
+    for name, port in ports:
+        yield name, port, remaining_bits - 1, remaining_bits - port.width
+        remaining_bits -= port.width
 
 
-def width_of(named):
-    return sum(port.width for _, port in named)
+def total_width(ports):
+    return sum(port.width for _, port in ports)
 
 
-def inputs_of(block):
+def input_ports(block):
     return [(port.name, port) for port in block.columns]
 
 
@@ -102,14 +103,14 @@ def half_ps(block):
 
 def constants(block, count):
     """(name, integer) that every language gets."""
-    listed = [
+    entries = [
         ("N_ROWS", count),
         ("RESET_CYCLES", RESET_CYCLES),
         ("HALF_PS", half_ps(block)),
-        ("IN_WIDTH", width_of(inputs_of(block))),
-        ("OUT_WIDTH", width_of(results(block))),
+        ("IN_WIDTH", total_width(input_ports(block))),
+        ("OUT_WIDTH", total_width(results(block))),
     ]
-    listed += [(f"W_{name}", port.width) for name, port in inputs_of(block)]
-    listed += [(f"W_{name}", port.width) for name, port in results(block)]
-    listed += [(f"LATENCY_{name}", clocks) for name, clocks in block.latency.items() if isinstance(clocks, int)]
-    return listed
+    entries += [(f"W_{name}", port.width) for name, port in input_ports(block)]
+    entries += [(f"W_{name}", port.width) for name, port in results(block)]
+    entries += [(f"LATENCY_{name}", clocks) for name, clocks in block.latency.items() if isinstance(clocks, int)]
+    return entries

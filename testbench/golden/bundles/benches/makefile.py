@@ -4,7 +4,7 @@ The work is in check.sh, plain POSIX shell, so that a flow without make can call
 Source  docs/golden.md (exit codes)
 """
 
-from testbench.golden.bundles.benches.layout import PARTS, levels_of, rom_parameters
+from testbench.golden.bundles.benches.layout import PARTS, block_levels, rom_parameters
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.stimulus.levels import LEVELS
 
@@ -52,10 +52,10 @@ def core(block, case, words=("stim", "exp", "mask")):
     stem = block.stem
     opened = [*(f"{word}.hex" for word in words), *rom_parameters(block).values()]
     copied = "".join(f"      - {path}: {{file_type: user, copyto: {path}}}\n" for path in opened)
-    kinds = {f"LEVEL_{level.upper()}": "bool, paramtype: vlogdefine" for level in levels_of(block)[:-1]}
+    kinds = {f"LEVEL_{level.upper()}": "bool, paramtype: vlogdefine" for level in block_levels(block)[:-1]}
     if "mask" not in words:
         kinds = {"FRAMES": "int, paramtype: plusarg"}
-    given = "".join(f"  {name}: {{datatype: {kind}}}\n" for name, kind in kinds.items())
+    parameter_lines = "".join(f"  {name}: {{datatype: {kind}}}\n" for name, kind in kinds.items())
     return f"""CAPI=2:
 name: gyro:golden:{core_name(block, case)}:1.0.0
 description: golden vectors of {stem}/{case}; the design is the core gyro:design:{stem}
@@ -65,7 +65,7 @@ filesets:
       - params.vh: {{file_type: verilogSource, is_include_file: true}}
       - tb_{stem}.v: {{file_type: verilogSource-2005}}
 {copied}    depend: [gyro:design:{stem}]
-{"parameters:" + chr(10) + given if given else ""}targets:
+{"parameters:" + chr(10) + parameter_lines if parameter_lines else ""}targets:
   default: &default
     filesets: [bench]
   sim:
@@ -102,7 +102,7 @@ def check_script(block, case, frames=None):
     stem = block.stem
     optimised = "optimised: running takes longer than compiling"
     pins_only = frames and not block.registers
-    judged = levels_of(block)[: 2 if pins_only else None]
+    levels = block_levels(block)[: 2 if pins_only else None]
     why = optimised if frames else "not optimised: compiling takes longer than running"
     return filled(
         "check.sh.in",
@@ -114,8 +114,8 @@ def check_script(block, case, frames=None):
         generic=" -gFRAMES=$(frames $1)" if frames else "",
         exported='FRAMES=$(frames "$1") ' if frames else "",
         module=block.module,
-        levels=" ".join(judged),
-        default=judged[0] if pins_only else "registers",
+        levels=" ".join(levels),
+        default=levels[0] if pins_only else "registers",
         elsewhere="" if pins_only or not frames else f'[ $LEVEL = registers ] || exec sh {PINS}/check.sh "$@"\n',
         level=2 if frames else 0,
         why=why,

@@ -5,15 +5,15 @@ Source  docs/golden.md (rows)
 
 from testbench.golden.bundles.benches.layout import (
     SHOWN,
+    compared_names,
     counted,
-    inputs_of,
-    judged_at,
-    mask_of,
+    input_ports,
+    level_mask,
     results,
     rom_parameters,
     set_params,
     slices,
-    width_of,
+    total_width,
 )
 from testbench.golden.bundles.benches.template import filled
 
@@ -22,42 +22,45 @@ def span(width):
     return f"[{width - 1}:0] " if width > 1 else ""
 
 
-def instance(block, case, inputs):
+def dut_instance(block, case, inputs):
     """Instance `dut`; `inputs` gives the net of an input port."""
     generics = [
         f".{name}(P_{name})" for name in (*block.design_keys, *(name for name, _, _ in set_params(block, case)))
     ]
     generics += [f'.{name}("{path}")' for name, path in rom_parameters(block).items()]
-    ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in inputs_of(block))]
-    pins, outputs = (judged_at(block, level) for level in ("pins", "outputs"))
+    ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in input_ports(block))]
+    pins, outputs = (compared_names(block, level) for level in ("pins", "outputs"))
     ports += [f".{name}({name})" for name in pins]
-    more = [f"        , .{name}({name})" for name in outputs if name not in pins]
-    rest = [f"        , .{name}({name})" for name, _ in results(block) if name not in outputs]
-    joined = "\n".join([",\n        ".join(ports), "`ifndef LEVEL_PINS", *more, "`ifndef LEVEL_OUTPUTS", *rest,
-                        "`endif", "`endif"])  # fmt: skip
+    output_lines = [f"        , .{name}({name})" for name in outputs if name not in pins]
+    register_lines = [f"        , .{name}({name})" for name, _ in results(block) if name not in outputs]
+    joined = "\n".join([",\n        ".join(ports), "`ifndef LEVEL_PINS", *output_lines, "`ifndef LEVEL_OUTPUTS",
+                        *register_lines, "`endif", "`endif"])  # fmt: skip
     head = f"{block.module} #(\n        {(',' + chr(10) + '        ').join(generics)}\n    ) dut" if generics else ""
     return f"    {head or block.module + ' dut'} (\n        {joined}\n    );"
 
 
 def verilog_bench(block, case):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
-    inputs, found = inputs_of(block), results(block)
+    inputs, result_ports = input_ports(block), results(block)
     nets = [f"    wire {span(p.width)}s_{n} = now[{hi}:{lo}];" for n, p, hi, lo in slices(inputs)]
-    nets += [f"    wire {span(p.width)}{n};" for n, p in found]
+    nets += [f"    wire {span(p.width)}{n};" for n, p in result_ports]
     shows = [
         f"            if ((({n} ^ want[{hi}:{lo}]) & care[{hi}:{lo}]) !== {p.width}'d0)\n"
         f'                $display("row %0d: {n}: expected %0h, got %0h (hex)", n, want[{hi}:{lo}], {n});'
-        for n, p, hi, lo in slices(found)
+        for n, p, hi, lo in slices(result_ports)
     ]
     return filled(
         "block.v.in",
         title=f"{block.stem}/{case}",
         stem=block.stem,
         nets="\n".join(nets),
-        packed=", ".join(n for n, _ in found),
-        instance=instance(block, case, lambda name: f"s_{name}"),
+        packed=", ".join(n for n, _ in result_ports),
+        instance=dut_instance(block, case, lambda name: f"s_{name}"),
         shows="\n".join(shows),
         shown=SHOWN,
-        **{f"mask_{level}": f"{width_of(found)}'h{mask_of(block, level):x}" for level in ("pins", "outputs")},
+        **{
+            f"mask_{level}": f"{total_width(result_ports)}'h{level_mask(block, level):x}"
+            for level in ("pins", "outputs")
+        },
         **{f"counted_{level}": counted(block, level) for level in ("pins", "outputs", "registers")},
     )

@@ -5,14 +5,14 @@ Source  docs/golden.md (rows)
 
 from testbench.golden.bundles.benches.layout import (
     SHOWN,
+    compared_names,
     counted,
-    inputs_of,
-    judged_at,
-    mask_of,
+    input_ports,
+    level_mask,
     results,
     rom_parameters,
     slices,
-    width_of,
+    total_width,
 )
 from testbench.golden.bundles.benches.params import vhdl_type
 from testbench.golden.bundles.benches.template import filled
@@ -23,35 +23,35 @@ def vhdl_slice(width, hi, lo):
     return f"({hi})" if width == 1 else f"({hi} downto {lo})"
 
 
-def _judged(block):
+def _level_constants(block):
     """Constants of a level: those of the others are comments, or go."""
     word = "constant JUDGED : std_logic_vector(OUT_WIDTH - 1 downto 0) := {};"
     text = 'constant COUNTED : string := "{}";'
-    width = width_of(results(block))
+    width = total_width(results(block))
     for level in ("registers", "outputs", "pins"):
-        bits = "(others => '1')" if level == "registers" else f'"{mask_of(block, level):0{width}b}"'
+        bits = "(others => '1')" if level == "registers" else f'"{level_mask(block, level):0{width}b}"'
         for line in (word.format(bits), text.format(counted(block, level))):
             yield f"    {line}  -- level registers" if level == "registers" else f"    --{level}-- {line}"
 
 
 def component(block, case, fed):
     """Declaration and instance of the design for a template: inputs come from signal `fed`, results go to `got`."""
-    inputs, found, given = inputs_of(block), results(block), case_parameters(block, case)
+    inputs, result_ports, params = input_ports(block), results(block), case_parameters(block, case)
     generics = [f"            {key} : natural" for key in block.design_keys]
-    generics += [f"            {key} : {vhdl_type(fmt.width)}" for key, _, fmt in given]
-    maps = [f"            {key} => P_{key}" for key in (*block.design_keys, *(key for key, _, _ in given))]
+    generics += [f"            {key} : {vhdl_type(fmt.width)}" for key, _, fmt in params]
+    maps = [f"            {key} => P_{key}" for key in (*block.design_keys, *(key for key, _, _ in params))]
     for key, path in rom_parameters(block).items():
         generics.append(f"            {key} : string")
         maps.append(f'            {key} => DIR & "{path}"')
     declared, mapped = ";\n".join(generics), ",\n    ".join(maps)
     # a line of a level goes, with its separator, where check.sh leaves that level out; so the inputs come last
-    mark = dict.fromkeys(judged_at(block, "pins"), "")
-    mark = dict.fromkeys(judged_at(block, "outputs"), "  -- level outputs") | mark
-    marks = {n: mark.get(n, "  -- level registers") for n, _ in found}
-    ports = [f"            {n} : out {vhdl_type(p.width)};{marks[n]}" for n, p in found]
+    mark = dict.fromkeys(compared_names(block, "pins"), "")
+    mark = dict.fromkeys(compared_names(block, "outputs"), "  -- level outputs") | mark
+    marks = {n: mark.get(n, "  -- level registers") for n, _ in result_ports}
+    ports = [f"            {n} : out {vhdl_type(p.width)};{marks[n]}" for n, p in result_ports]
     ports += [f"            {n} : in {vhdl_type(p.width)};" for n, p in inputs] + ["            clk : in std_logic"]
     port_maps = [
-        f"                {n} => got{vhdl_slice(p.width, hi, lo)},{marks[n]}" for n, p, hi, lo in slices(found)
+        f"                {n} => got{vhdl_slice(p.width, hi, lo)},{marks[n]}" for n, p, hi, lo in slices(result_ports)
     ]
     port_maps += [f"                {n} => {fed}{vhdl_slice(p.width, hi, lo)}," for n, p, hi, lo in slices(inputs)]
     port_maps += ["                clk => clk"]
@@ -63,8 +63,8 @@ def component(block, case, fed):
         "mapped": f"            generic map (\n    {mapped}\n            )\n" if maps else "",
         "ports": "\n".join(ports),
         "port_maps": "\n".join(port_maps),
-        "judged": "\n".join(_judged(block)),
-        "count": len(found),
+        "judged": "\n".join(_level_constants(block)),
+        "count": len(result_ports),
     }
 
 

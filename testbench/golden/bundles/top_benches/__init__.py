@@ -16,7 +16,7 @@ from testbench.golden.bundles.top_benches.verilog import cocotb_top, verilog_ben
 from testbench.golden.bundles.top_benches.vhdl import vhdl_bench
 
 
-def texts(block, case, rows, counts, clocks=None):
+def top_bench_texts(block, case, rows, counts, clocks=None):
     """{path: text} of everything above; `clocks` {pin: clocks that it comes later}."""
     stem = block.stem
     return {

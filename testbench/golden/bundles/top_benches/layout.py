@@ -42,7 +42,7 @@ def constants(design, counts):
     ]
 
 
-class Judged(NamedTuple):
+class PinCondition(NamedTuple):
     """When a bench judges a pin; elsewhere it takes 0 for it, as rows and signatures do.
 
     chip    (RTL port that selects the chip, low; RTL port that says that SCLK runs) of a data pin, or None
@@ -53,17 +53,17 @@ class Judged(NamedTuple):
     clocks: int
 
 
-def judged_pins(block, clocks=None):
+def pin_conditions(block, clocks=None):
     """{RTL port: Judged} of the pins that are not judged in every clock: of a bundle of the pins alone.
 
     clocks  {pin: clocks that it comes later}
     """
-    found = {}
+    conditions = {}
     for pin in () if block.registers else block.pins:
-        chip, late = READ.get(pin.name), (clocks or {}).get(pin.name, 0)
-        if chip or late:
-            found[f"o_{pin.name}"] = Judged(chip and tuple(f"o_{name}" for name in chip), late)
-    return found
+        chip, delay = READ.get(pin.name), (clocks or {}).get(pin.name, 0)
+        if chip or delay:
+            conditions[f"o_{pin.name}"] = PinCondition(chip and tuple(f"o_{name}" for name in chip), delay)
+    return conditions
 
 
 def sent_slices(design):
@@ -75,7 +75,7 @@ def sent_slices(design):
     return [(top, top - bits + 1) for top in tops], size - bits * adc_serial.WORDS
 
 
-def _with(text, before, lines):
+def _insert_lines(text, before, lines):
     """Text with lines inserted before the last line that begins with `before`."""
     head, mark, tail = text.rpartition(before)
     return head + "".join(f"{line}\n" for line in lines) + mark + tail
@@ -86,10 +86,10 @@ def parameters(block, case, rows, counts):
     extra = constants(block.record, counts)
     return {
         "params.vh": benches.params_vh(block, case, rows) + "".join(f"localparam {k} = {v};\n" for k, v in extra),
-        "params.svh": _with(
+        "params.svh": _insert_lines(
             benches.params_svh(block, case, rows), "endpackage", [f"    localparam {k} = {v};" for k, v in extra]
         ),
-        "params_pkg.vhd": _with(
+        "params_pkg.vhd": _insert_lines(
             benches.params_pkg(block, case, rows),
             "end package;",
             [f"    constant {k} : natural := {v};" for k, v in extra],

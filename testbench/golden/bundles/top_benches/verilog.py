@@ -8,27 +8,29 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, judged_pins, sent_slices
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, pin_conditions, sent_slices
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
 
 
-def _pieces(found, row_bits):
+def _row_chunks(result_ports, row_bits):
     """Chunks of a row as concatenations of slices of ports, from the left; zeros in front of the first port."""
     first, more = chunks_of(row_bits)
-    parts = [("{width}'d0", row_bits - sum(p.width for _, p in found), 0)] + [(n, p.width, 1) for n, p in found]
+    parts = [("{width}'d0", row_bits - sum(p.width for _, p in result_ports), 0)] + [
+        (n, p.width, 1) for n, p in result_ports
+    ]
     chunks, room = [[]], first
     for name, width, is_port in parts:
-        left = width
-        while left:
-            taken = min(left, room)
+        remaining_bits = width
+        while remaining_bits:
+            chunk_bits = min(remaining_bits, room)
             if not is_port:
-                chunks[-1].append(name.format(width=taken))
-            elif taken == width:
+                chunks[-1].append(name.format(width=chunk_bits))
+            elif chunk_bits == width:
                 chunks[-1].append(name)
             else:
-                chunks[-1].append(f"{name}[{left - 1}:{left - taken}]")
-            left, room = left - taken, room - taken
+                chunks[-1].append(f"{name}[{remaining_bits - 1}:{remaining_bits - chunk_bits}]")
+            remaining_bits, room = remaining_bits - chunk_bits, room - chunk_bits
             if not room:
                 chunks.append([])
                 room = signature.CHUNK
@@ -41,14 +43,14 @@ def _nested(names):
     return "{" + ",\n            ".join("{" + ", ".join(group) + "}" for group in groups) + "}"
 
 
-def _verilog_append(found, row_bits):
+def _verilog_append(result_ports, row_bits):
     """Statements that append the ports to the signature: for Verilator, and for the others."""
     first, _ = chunks_of(row_bits)
-    head, *others = _pieces(found, row_bits)
+    head, *further_chunks = _row_chunks(result_ports, row_bits)
     keep, size = 64 - first, 64 * signature.WORDS
     two, eight = _backs()
     low = row_bits + two + eight
-    folds = "\n".join(f"            sig = folded(sig, {chunk});" for chunk in others)
+    folds = "\n".join(f"            sig = folded(sig, {chunk});" for chunk in further_chunks)
     return f"""`ifdef VERILATOR
             high = {{{keep}'d0, sig[63:{keep}]}};
             high = high ^ (high << 1);
@@ -63,7 +65,7 @@ def _verilog_append(found, row_bits):
             comes = {{{eight}'d0, once}};
             twice = {{once, {eight}'d0}};
             twice = (twice | comes) & ~(twice & comes);
-            comes = {{rest[{low - row_bits - 1}:0], {row_bits - sum(p.width for _, p in found)}'d0, got}};
+            comes = {{rest[{low - row_bits - 1}:0], {row_bits - sum(p.width for _, p in result_ports)}'d0, got}};
             twice = (twice | comes) & ~(twice & comes);
             rest = {{rest[{size - 1 - row_bits}:{low - row_bits}], twice}};
 `endif"""
@@ -94,8 +96,8 @@ def _sent(design):
 
 def _nets(block, clocks):
     """Declarations of what the design shows; a pin that is not judged in every clock has a second net."""
-    masked, lines = judged_pins(block, clocks), []
-    most = max((judged.clocks for judged in masked.values()), default=0)
+    masked, lines = pin_conditions(block, clocks), []
+    most = max((condition.clocks for condition in masked.values()), default=0)
     if most:
         lines += [
             f"    reg [{most.bit_length() - 1}:0] age = 0;  // clocks since a reset",
@@ -117,15 +119,15 @@ def _nets(block, clocks):
 
 def _instance(block, case, clocks):
     """Instance `dut` with these nets."""
-    text = benches.instance(block, case, lambda name: name)
-    for n in judged_pins(block, clocks):
+    text = benches.dut_instance(block, case, lambda name: name)
+    for n in pin_conditions(block, clocks):
         text = text.replace(f".{n}({n})", f".{n}({n}_pin)")
     return text
 
 
 def verilog_bench(block, case, counts, clocks=None):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
-    found = benches.results(block)
+    result_ports = benches.results(block)
     inputs = [(p.name, p) for p in block.columns]
     row_bits, size = signature.padded_width(counts["out_width"]), 64 * signature.WORDS
     two, eight = _backs()
@@ -134,8 +136,8 @@ def verilog_bench(block, case, counts, clocks=None):
     shows = [
         f"            if ({n} !== {want}[{hi}:{lo}])\n"
         f'                $display("clock %0d: {n}: expected %0h, got %0h (hex)", n, {want}[{hi}:{lo}], {n});'
-        for want, named in (("fed", inputs), ("want", found))
-        for n, p, hi, lo in benches.slices(named)
+        for want, ports in (("fed", inputs), ("want", result_ports))
+        for n, p, hi, lo in benches.slices(ports)
     ]
     return filled(
         "top.v.in",
@@ -145,8 +147,8 @@ def verilog_bench(block, case, counts, clocks=None):
         inputs=", ".join(n for n, _ in inputs),
         instance=_instance(block, case, clocks),
         sent=_sent(block.record),
-        gathered=_nested([n for n, _ in found]),
-        append=_verilog_append(found, row_bits),
+        gathered=_nested([n for n, _ in result_ports]),
+        append=_verilog_append(result_ports, row_bits),
         reduce=_verilog_reduce(),
         shows="\n".join(shows),
         clock_top=CLOCK_BITS - 1,
@@ -159,14 +161,14 @@ def verilog_bench(block, case, counts, clocks=None):
         rest_top=size - 1,
         shown=SHOWN,
         shown_rows=counts["shown_rows"],
-        count=len(found),
+        count=len(result_ports),
     )
 
 
 def cocotb_top(block, case, clocks=None):
     """The design with the case's parameters as the top level of cocotb; all results side by side, in parts."""
-    found = benches.results(block)
-    width = sum(p.width for _, p in found)
+    result_ports = benches.results(block)
+    width = sum(p.width for _, p in result_ports)
     parts = range(-(-width // PART_BITS))
     assigns = [f"    assign got_{k} = got[{PART_BITS * (k + 1) - 1}:{PART_BITS * k}];" for k in parts]
     ports = ["    input wire clk", *(f"    input wire {benches.span(p.width)}{p.name}" for p in block.columns)]
@@ -184,7 +186,7 @@ module cocotb_{block.stem} (
     `include "params.vh"
 
 {chr(10).join(nets)}
-    wire [{PART_BITS * len(parts) - 1}:0] got = {_nested([n for n, _ in found])};
+    wire [{PART_BITS * len(parts) - 1}:0] got = {_nested([n for n, _ in result_ports])};
 {chr(10).join(assigns)}
     assign adc_cs_n = o_adc_cs_n;
     assign adc_sclk = o_adc_sclk;

@@ -6,18 +6,18 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import SHOWN
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, judged_pins, sent_slices
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, pin_conditions, sent_slices
 from testbench.golden.recording import signature
 
 
-def _place(block, name):
+def _high_bit(block, name):
     return next(hi for n, _, hi, _ in benches.slices(benches.results(block)) if n == name)
 
 
 def _read(block, clocks):
     """(masked pins, declarations, statements) of the pins that are not judged in every clock."""
-    masked = judged_pins(block, clocks)
-    most, declared, lines = max((judged.clocks for judged in masked.values()), default=0), [], []
+    masked = pin_conditions(block, clocks)
+    most, declared, lines = max((condition.clocks for condition in masked.values()), default=0), [], []
     if most:
         declared.append(f"    signal age : natural range 0 to {most} := 0;  -- clocks since a reset")
         reset = next(hi for n, _, hi, _ in benches.slices([(p.name, p) for p in block.columns]) if n == "rst")
@@ -30,26 +30,28 @@ def _read(block, clocks):
     for n, p, hi, lo in benches.slices(benches.results(block)):
         if n not in masked:
             continue
-        place = benches.vhdl_slice(p.width, hi, lo)
+        bit_slice = benches.vhdl_slice(p.width, hi, lo)
         zero = "'0'" if p.width == 1 else "(others => '0')"
         counts = [f"age >= {masked[n].clocks}"] if masked[n].clocks else []
         if masked[n].chip:
-            select_n, running = (name if name in masked else f"got({_place(block, name)})" for name in masked[n].chip)
+            select_n, running = (
+                name if name in masked else f"got({_high_bit(block, name)})" for name in masked[n].chip
+            )
             counts.append(f"{select_n} = '0' and {running} = '1'")
         declared.append(f"    signal {n} : {benches.vhdl_type(p.width)};")
-        lines.append(f"    got{place} <= {n} when {' and '.join(counts)} else {zero};")
+        lines.append(f"    got{bit_slice} <= {n} when {' and '.join(counts)} else {zero};")
     return masked, "".join(f"{line}\n" for line in declared), "".join(f"{line}\n" for line in lines)
 
 
 def vhdl_bench(block, case, counts, clocks=None):
     """The same in VHDL-2008; `finished` and `errors` are for a surrounding bench."""
-    inputs, found = [(p.name, p) for p in block.columns], benches.results(block)
-    place = {n: (hi, lo) for n, _, hi, lo in benches.slices(inputs)}
-    pins = {n: hi for n, _, hi, _ in benches.slices(found)}
+    inputs, result_ports = [(p.name, p) for p in block.columns], benches.results(block)
+    input_bits = {n: (hi, lo) for n, _, hi, lo in benches.slices(inputs)}
+    pins = {n: hi for n, _, hi, _ in benches.slices(result_ports)}
     shows = [
         f'                    tell("{n}", n, {got}({hi} downto {lo}), {want}({hi} downto {lo}));'
-        for got, want, named in (("feed", "fed", inputs), ("got", "want", found))
-        for n, p, hi, lo in benches.slices(named)
+        for got, want, ports in (("feed", "fed", inputs), ("got", "want", result_ports))
+        for n, p, hi, lo in benches.slices(ports)
     ]
     size, row_bits = 64 * signature.WORDS, signature.padded_width(counts["out_width"])
     first, more = chunks(size)
@@ -59,10 +61,10 @@ def vhdl_bench(block, case, counts, clocks=None):
     )
     slices, zeros = sent_slices(block.record)
     design, (masked, declared, statements) = benches.component(block, case, "feed"), _read(block, clocks)
-    for n, p, hi, lo in benches.slices(found):
+    for n, p, hi, lo in benches.slices(result_ports):
         if n in masked:
-            own = f"{n} => got{benches.vhdl_slice(p.width, hi, lo)},"
-            design["port_maps"] = design["port_maps"].replace(own, f"{n} => {n},")
+            port_line = f"{n} => got{benches.vhdl_slice(p.width, hi, lo)},"
+            design["port_maps"] = design["port_maps"].replace(port_line, f"{n} => {n},")
     sent = [f"adc_word({high} downto {low})" for high, low in slices]
     return filled(
         "top.vhd.in",
@@ -85,8 +87,8 @@ def vhdl_bench(block, case, counts, clocks=None):
         clock_top=CLOCK_BITS - 1,
         cs_n=pins["o_adc_cs_n"],
         sclk=pins["o_adc_sclk"],
-        **{key: place[key][0] for key in ("rst", "write", "drdy_n", "dout")},
-        **{key: "({} downto {})".format(*place[key]) for key in ("address", "data", "sample_x", "sample_y")},
+        **{key: input_bits[key][0] for key in ("rst", "write", "drdy_n", "dout")},
+        **{key: "({} downto {})".format(*input_bits[key]) for key in ("address", "data", "sample_x", "sample_y")},
         shown=SHOWN,
         shown_rows=counts["shown_rows"],
     )

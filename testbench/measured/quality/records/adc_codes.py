@@ -17,7 +17,7 @@ from testbench.measured.record import schema
 LEAST_FRAMES = 256
 
 
-def _drawn(sheet):
+def _check_interpolated(sheet):
     """Codes exactly between their neighbours, more often than noise of several codes makes."""
     for c in sheet.columns:
         mask = interpolated.on_a_line(c.values, None, 1.0)
@@ -25,7 +25,7 @@ def _drawn(sheet):
             yield finding(sheet, "interpolated", c.name, mask, "codes exactly between their neighbours")
 
 
-CHECKS = (duplicated.check, stuck.check, spikes.check, _drawn)
+CHECKS = (duplicated.check, stuck.check, spikes.check, _check_interpolated)
 
 
 def findings(record):

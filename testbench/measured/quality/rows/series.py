@@ -26,7 +26,7 @@ def grid_step(v):
         return 0.0
     error = np.finfo(float).eps * np.max(np.abs(distinct))
     printed = _decimal(distinct, error)
-    return max(_grid(distinct, error), _grid(distinct, max(error, 0.6 * printed)), printed)
+    return max(_estimate_grid(distinct, error), _estimate_grid(distinct, max(error, 0.6 * printed)), printed)
 
 
 def _fits(distinct, step, error):
@@ -39,22 +39,22 @@ def _decimal(distinct, error):
     return next((10.0**k for k in places if 10.0**k > 30 * error and _fits(distinct, 10.0**k, error)), 0.0)
 
 
-def _grid(distinct, error):
-    found, its, steps = 0.0, error, np.diff(distinct)
+def _estimate_grid(distinct, error):
+    size, its, steps = 0.0, error, np.diff(distinct)
     steps = steps[steps > 3 * error]
     if not len(steps):
         return 0.0
     steps = steps[:: max(1, len(steps) // MOST_STEPS)]
     small = np.diff(np.sort(steps))  # steps differ by few of the grid, so that their errors stay small
     for step in (*small[small > 6 * error], *steps):
-        found, its = _common((found, its), (float(step), error))
-        if found < 30 * its or found < 100 * error:
+        size, its = _common((size, its), (float(step), error))
+        if size < 30 * its or size < 100 * error:
             return 0.0
     span = distinct - distinct[0]
     for end in np.geomspace(1, len(distinct) - 1, 30).astype(int):  # many steps add up the error of one
-        if span[end] > found / 2:
-            found = span[end] / round(span[end] / found)
-    return float(found) if _fits(span, found, error) else 0.0
+        if span[end] > size / 2:
+            size = span[end] / round(span[end] / size)
+    return float(size) if _fits(span, size, error) else 0.0
 
 
 def _common(a, b):
@@ -66,12 +66,12 @@ def _common(a, b):
     return a
 
 
-def floor(v):
+def rounding_noise(v):
     """Noise (rms) that the column's own grid makes."""
     return grid_step(v) / np.sqrt(12.0)
 
 
-def beside(v):
+def neighbour_residual(v):
     """(n,) each value less the median of the two before and the two behind it; the ends use what there is."""
     padded = np.concatenate([v[2:0:-1], v, v[-2:-4:-1]])
     around = np.stack([padded[k : k + len(v)] for k in (0, 1, 3, 4)])
@@ -87,7 +87,7 @@ def prediction(v):
     """(rest as of `predicted`, weights (2 TAPS + 1,) by which a row of its own shows in the rest around it)."""
     n = len(v)
     if n < 16 * TAPS:
-        return beside(v), np.concatenate([np.zeros(TAPS), [1.0], np.zeros(TAPS)])
+        return neighbour_residual(v), np.concatenate([np.zeros(TAPS), [1.0], np.zeros(TAPS)])
     out, x = np.zeros(n), v - np.mean(v)
     offsets = [k for k in range(-TAPS, TAPS + 1) if k]
     at = np.arange(TAPS, n - TAPS)
@@ -96,8 +96,8 @@ def prediction(v):
     for _ in range(3):  # rows that do not fit are left out, so that they do not bend the prediction
         a = np.column_stack([x[sample + k] for k in offsets])
         c = np.linalg.lstsq(a[used], x[sample][used], rcond=1e-10)[0]
-        left = x[sample] - a @ c
-        bad = np.abs(left) > 6 * robust(left[used])
+        residual = x[sample] - a @ c
+        bad = np.abs(residual) > 6 * robust(residual[used])
         if bad.mean() > 0.5:
             break
         used = ~bad
@@ -113,7 +113,7 @@ def robust(v):
 
 def noise_sd(v, fast=False):
     """Robust sd of what a row has beside its neighbours, for one row."""
-    return robust(predicted(v)) if fast else robust(beside(v)) / np.sqrt(1.25)
+    return robust(predicted(v)) if fast else robust(neighbour_residual(v)) / np.sqrt(1.25)
 
 
 def running(v, measure, half=HALF):
@@ -148,8 +148,8 @@ def ties_expected(v):
     if np.any(change == 0):  # ties are those of a grid, of one that floats where there is none for all
         step = np.maximum(step, local_step(v)[:-1])
     step = np.maximum(step, 1e-6 * running_scale(change))
-    near = uniform_filter1d(change, BESIDE, mode="nearest") / step  # of steps; of noise, or of a slow course
-    p = np.maximum.reduce([1 - near, 1 / (3.1 * np.maximum(near, 0.1)), step / (3.5 * running_scale(change))])
+    pace = uniform_filter1d(change, BESIDE, mode="nearest") / step  # of steps; of noise, or of a slow course
+    p = np.maximum.reduce([1 - pace, 1 / (3.1 * np.maximum(pace, 0.1)), step / (3.5 * running_scale(change))])
     return float(np.sum(np.minimum(1.0, p)))
 
 

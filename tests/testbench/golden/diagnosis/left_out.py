@@ -21,7 +21,7 @@ import numpy as np
 from fpga_model.design_record import DEFAULT
 from testbench.golden.bundles import bundle, export
 from testbench.golden.check import diagnose
-from testbench.golden.diagnosis import elaborate, of_conditions, of_data, perturb, simulate
+from testbench.golden.diagnosis import condition_hypotheses, elaborate, perturb, simulate, value_hypotheses
 from testbench.golden.diagnosis.rows import Rows
 from tests.testbench.golden.diagnosis import rtl_faults
 
@@ -58,7 +58,7 @@ def read(folder, stem):
     names = [p["name"] for p in found.manifest["registers"] + found.manifest["outputs"]]
     inputs = dict(zip([p["name"] for p in found.manifest["inputs"]], found.stim.T.copy()))
     params = {p["name"]: p["raw"] for p in found.manifest["params"]}
-    net = elaborate.of_block(stem, params, DEFAULT)
+    net = elaborate.block_net(stem, params, DEFAULT)
     return Block(stem, net, params, inputs, dict(zip(names, found.exp.T.copy())))
 
 
@@ -67,31 +67,34 @@ def columns(block, h):
     net, rows = block.net, []
     with mock.patch.object(simulate, "_differs", lambda shown, _: rows.append(shown)):
         if simulate.adds_a_register(net, h.by):
-            by, (run, held) = None, simulate.compiled(net, h.site, h.by, list(net.roots))
+            by, (run, held) = None, simulate.compile_block(net, h.site, h.by, list(net.roots))
         else:
-            by, (run, held) = simulate.value_of(net, h.by), simulate.compiled(net, h.site, None, list(net.roots))
+            by, (run, held) = (
+                simulate.compile_node(net, h.by),
+                simulate.compile_block(net, h.site, None, list(net.roots)),
+            )
     count, golden = len(block.inputs["rst"]), Rows(net, block.leaves, len(block.inputs["rst"]))
     given = np.stack([block.inputs[n.value] for n in inputs_of(net)], axis=1).tolist()
     state = tuple(int(block.expected[name][0]) for name, root in net.roots.items() if root.op == "next")
-    run(by, state, [int(golden.full(node)[0]) for node in held], given, 0, count, [None] * count)
+    run(by, state, [int(golden.node_column(node)[0]) for node in held], given, 0, count, [None] * count)
     return {
         name: column for name, column in zip(net.roots, np.array(rows, np.int64).T.copy()) if name in block.expected
     }
 
 
 def inputs_of(net):
-    return sorted({n.value: n for n in net.nodes[: net.own] if n.op == "in"}.values(), key=lambda n: n.value)
+    return sorted({n.value: n for n in net.nodes[: net.model_size] if n.op == "in"}.values(), key=lambda n: n.value)
 
 
 def of_classes(block):
     """{class: hypotheses}; not those that read the next row."""
 
     def ahead(node):
-        return node.op == "ahead" or (node.id >= block.net.own and any(ahead(a) for a in node.args))
+        return node.op == "ahead" or (node.id >= block.net.model_size and any(ahead(a) for a in node.args))
 
-    seen, found = Rows(block.net, block.leaves, len(block.inputs["rst"])).seen, collections.defaultdict(list)
-    for node in block.net.nodes[: block.net.own]:
-        for h in perturb.of_node(block.net, node, seen) if node.args or node.op in ("reg", "in") else ():
+    seen, found = Rows(block.net, block.leaves, len(block.inputs["rst"])).value_range, collections.defaultdict(list)
+    for node in block.net.nodes[: block.net.model_size]:
+        for h in perturb.node_hypotheses(block.net, node, seen) if node.args or node.op in ("reg", "in") else ():
             if not ahead(h.by):
                 found[h.cause].append(h)
     return found
@@ -105,7 +108,11 @@ def left_out(cause):
         return lambda *given: [h for h in function(*given) if h.cause != cause]
 
     with contextlib.ExitStack() as stack:
-        for module, name in ((perturb, "of_node"), (of_data, "hypotheses"), (of_conditions, "hypotheses")):
+        for module, name in (
+            (perturb, "node_hypotheses"),
+            (value_hypotheses, "hypotheses"),
+            (condition_hypotheses, "hypotheses"),
+        ):
             stack.enter_context(mock.patch.object(module, name, others(getattr(module, name))))
         yield
 

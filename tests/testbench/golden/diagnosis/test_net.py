@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fpga_model import fixed
-from fpga_model.block import python_of
+from fpga_model.block import python_function
 from testbench.golden.diagnosis import elaborate, net, rows, simulate
 from testbench.golden.stimulus import blocks
 from tests.testbench.golden.benching import made
@@ -22,25 +22,25 @@ def test_the_graph_of_a_block_gives_every_golden_row(stem):
     case = list(block.cases)[-1]
     stim, _ = made(stem, case)
     registers, pins = blocks.run(block, case, stim)
-    graph = elaborate.of_block(stem, {name: raw for name, raw, _ in blocks.case_parameters(block, case)}, block.record)
+    graph = elaborate.block_net(stem, {name: raw for name, raw, _ in blocks.case_parameters(block, case)}, block.record)
     leaves = {("in", p.name): column for p, column in zip(block.columns, stim.T)}
     leaves |= {("reg", p.name): column for p, column in zip(block.registers, registers.T)}
     found = rows.Rows(graph, leaves, len(stim))
     assert leaves["in", "rst"].any()
     assert set(graph.roots) == {p.name for p in (*block.registers, *block.pins)}
     for p, column in zip(block.registers, registers.T):
-        np.testing.assert_array_equal(found.full(graph.roots[p.name])[:-1], column[1:], p.name)
+        np.testing.assert_array_equal(found.node_column(graph.roots[p.name])[:-1], column[1:], p.name)
     for p, column in zip(block.pins, pins.T):
-        np.testing.assert_array_equal(found.full(graph.roots[p.name]), column, p.name)
+        np.testing.assert_array_equal(found.node_column(graph.roots[p.name]), column, p.name)
     for node in graph.nodes:
-        column = found.full(node)
+        column = found.node_column(node)
         assert node.lo <= column.min(), node
         assert column.max() <= node.hi, node
 
 
 @pytest.mark.parametrize("name", [*fixed.ROUNDINGS, "clamp", "wrap", "wrap_unsigned"])
 def test_an_operation_on_columns_is_the_function_of_the_model(name):
-    function = python_of(getattr(fixed, name))
+    function = python_function(getattr(fixed, name))
     of, _ = net.OPERATIONS["wrapu" if name == "wrap_unsigned" else name]
     x = np.arange(-300, 300)
     for given in [(-7, 11), (0, 5)] if name == "clamp" else [(n,) for n in (1, 2, 5, 8)]:
@@ -52,23 +52,30 @@ def test_an_operation_on_columns_is_the_function_of_the_model(name):
 def test_the_source_of_a_shift_by_any_amount_is_its_column(op):
     """A hypothesis may shift by any word of the block: without a bound a Python number would fill the memory."""
     graph = net.Net()
-    amount, x = graph.leaf("in", "amount", fixed.signed(48)), graph.leaf("in", "x", fixed.signed(2))
+    amount, x = graph.leaf("in", "amount", fixed.signed_bits(48)), graph.leaf("in", "x", fixed.signed_bits(2))
     graph.close()
     node = graph.node(op, (x, amount))
     columns = {"amount": [-3, 1, 5, 62, 1 << 40], "x": [1, -1, 1, -1, 1]}
     leaves = {("in", name): np.array(column) for name, column in columns.items()}
-    by = simulate.value_of(graph, node)
+    by = simulate.compile_node(graph, node)
     found = [by((), given) for given in zip(columns["amount"], columns["x"])]
-    assert found == rows.Rows(graph, leaves, 5).full(node).tolist()
+    assert found == rows.Rows(graph, leaves, 5).node_column(node).tolist()
 
 
 def test_a_held_node_is_a_register_with_enable_and_reset():
     graph = net.Net()
-    load, x = graph.leaf("in", "load", fixed.bits(1)), graph.leaf("in", "x", fixed.signed(8))
+    load, x = graph.leaf("in", "load", fixed.bits(1)), graph.leaf("in", "x", fixed.signed_bits(8))
     graph.leaf("in", "rst", fixed.bits(1))
     columns = {"load": [1, 0, 1, 1, 0, 1], "x": [3, 4, 5, 6, 7, 8], "rst": [0, 0, 0, 1, 0, 0]}
     leaves = {("in", name): np.array(column) for name, column in columns.items()}
-    assert rows.Rows(graph, leaves, 6).full(graph.held(load, x, -1)).tolist() == [-1, 3, 3, 5, -1, -1]
+    assert rows.Rows(graph, leaves, 6).node_column(graph.enabled_register(load, x, -1)).tolist() == [
+        -1,
+        3,
+        3,
+        5,
+        -1,
+        -1,
+    ]
 
 
 def test_an_odd_node_changes_with_each_load_and_a_late_reset_has_no_reset():
@@ -78,15 +85,15 @@ def test_an_odd_node_changes_with_each_load_and_a_late_reset_has_no_reset():
     columns = {"load": [1, 0, 1, 1, 0, 1], "rst": [0, 0, 0, 1, 0, 0]}
     leaves = {("in", name): np.array(column) for name, column in columns.items()}
     found = rows.Rows(graph, leaves, 6)
-    assert found.full(graph.odd(load)).tolist() == [0, 1, 1, 0, 0, 0]
-    assert found.full(graph.reset_late(rst, 1)).tolist() == [1, 0, 0, 0, 1, 0]
+    assert found.node_column(graph.odd(load)).tolist() == [0, 1, 1, 0, 0, 0]
+    assert found.node_column(graph.delayed_reset(rst, 1)).tolist() == [1, 0, 0, 0, 1, 0]
 
 
 def test_registers_of_channels_are_siblings():
     graph, sums = net.Net(), []
     rst = graph.leaf("in", "rst", fixed.bits(1))
     for k in (0, 1):
-        acc, x = graph.leaf("reg", f"acc_{k}", fixed.signed(9)), graph.leaf("in", f"x_{k}", fixed.signed(8))
+        acc, x = graph.leaf("reg", f"acc_{k}", fixed.signed_bits(9)), graph.leaf("in", f"x_{k}", fixed.signed_bits(8))
         sums.append(graph.node("add", (acc, x)))
         chosen = graph.node("mux", (rst, graph.const(0), sums[k]), acc.value)
         graph.roots[acc.value] = graph.node("next", (chosen,), acc.value)
@@ -96,7 +103,7 @@ def test_registers_of_channels_are_siblings():
     # what a hypothesis adds knows the nodes of the model alone
     added = graph.node("neg", (first,))
     assert added.cone == first.cone
-    assert graph.inside(added) == graph.inside(first)
+    assert graph.cone_nodes(added) == graph.cone_nodes(first)
 
 
 def test_what_a_kernel_never_uses_is_refused_by_name():

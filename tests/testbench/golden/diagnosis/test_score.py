@@ -104,7 +104,7 @@ def test_a_constant_that_is_not_loaded_is_a_condition(bundles):
 
 def test_a_cause_that_a_row_refutes_is_not_certain(bundles, monkeypatch):
     """Without the right hypothesis, a register without reset explains the wrong rows; the rows with reset refute it."""
-    monkeypatch.setattr(perturb_control, "of_load", lambda *_: ())
+    monkeypatch.setattr(perturb_control, "load_alternatives", lambda *_: ())
     found = named(bundles, "isqrt", LOADED, LOADED.split("\n")[0])
     assert "no_reset" in {cause.cause for cause in found}
     assert not any(cause.sure for cause in found)
@@ -112,8 +112,8 @@ def test_a_cause_that_a_row_refutes_is_not_certain(bundles, monkeypatch):
 
 def without(monkeypatch, cause):
     """Leave a class without hypotheses at the nodes of the model."""
-    every = perturb.of_node
-    monkeypatch.setattr(perturb, "of_node", lambda *given: [h for h in every(*given) if h.cause != cause])
+    every = perturb.node_hypotheses
+    monkeypatch.setattr(perturb, "node_hypotheses", lambda *given: [h for h in every(*given) if h.cause != cause])
 
 
 @pytest.mark.parametrize(

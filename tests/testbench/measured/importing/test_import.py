@@ -87,7 +87,7 @@ def test_five_columns_become_a_record_with_the_boards_own_words(board, tmp_path)
     text = " ".join(found.lines)
     assert f"locked from {lock / 8000:.4g} s on" in text
     assert "power-on: frame 0 is row 1, the last in which no channel has a conversion" in text
-    assert json.loads(found.record.attrs[assemble.KEPT]) == list(found.lines)
+    assert json.loads(found.record.attrs[assemble.IMPORT_LINES]) == list(found.lines)
     s = found.record.tables["segments"]
     assert s["kind"].data.tolist() == ["startup", "warmup"]  # too short for a dwell
     assert s["edge_b"].data.tolist() == [FRAME_CYCLES * lock, FRAME_CYCLES * len(board["state"])]
@@ -255,7 +255,7 @@ def test_dwells_begin_at_steps_of_a_settled_board_and_behind_a_settling_elsewher
         dwells.track([(0, 0.0), (4, 50.0), (8, -50.0)]), fixed, dwells.track([(0, 5.0), (12, 5.5)]), fixed
     )
     locked = np.arange(8000 * 20) >= 8000
-    parts = dwells.found(tracks, locked, Dwells(settle_s=2.0, longest_s=3.0, held_out=[2]))
+    parts = dwells.find_parts(tracks, locked, Dwells(settle_s=2.0, longest_s=3.0, held_out=[2]))
     assert all(a.end == b.first for a, b in itertools.pairwise(parts))
     assert (parts[0].first, parts[-1].end) == (0, 8000 * 20)
     # behind lock 3 s .. 4 s is shorter than the others and no dwell
@@ -267,37 +267,42 @@ def test_lines_between_points_are_steps_of_eight_milliseconds_with_the_mean_of_e
     t = dwells.track([(0, 10.0), (1, 10.0), (1.08, 20.0), (1.08, -5.0)], linear=True)
     assert t.frames == (0, *range(8000, 8640, 64), 8640)
     assert t.values[1:-1] == pytest.approx([10.5 + k for k in range(10)])
-    assert (t.at(7999), t.at(8639), t.at(8640), t.at(10**6)) == (10.0, pytest.approx(19.5), -5.0, -5.0)
+    assert (t.value_at(7999), t.value_at(8639), t.value_at(8640), t.value_at(10**6)) == (
+        10.0,
+        pytest.approx(19.5),
+        -5.0,
+        -5.0,
+    )
 
 
 def test_times_of_a_late_file_count_from_power_on_where_that_is_known():
-    t = dwells.track([(0, 0.0), (1, 5.0), (3, 7.0)]).moved(2 * 8000)
+    t = dwells.track([(0, 0.0), (1, 5.0), (3, 7.0)]).shift_origin(2 * 8000)
     assert t == dwells.Track((0, 8000), (5.0, 7.0))
-    assert dwells.track(3.0).moved(100) == dwells.Track((0,), (3.0,))
+    assert dwells.track(3.0).shift_origin(100) == dwells.Track((0,), (3.0,))
 
 
 def determined(frames):
     """True if the draws of the noise determine a dwell of so many frames by itself; ConfigError if not."""
     size = 8 * (len(features.bins(frames, loop_runs.FIRST_BIN)) - 1)
     rows = np.random.default_rng(1).normal(size=(loop_noise.NOISE_DRAWS, size))
-    return loop_noise.gain_of({"a": (rows, np.zeros(size))}) > 0
+    return loop_noise.compute_noise_gain({"a": (rows, np.zeros(size))}) > 0
 
 
 def test_a_dwell_alone_is_as_long_as_the_draws_of_the_noise_determine():
     fixed = dwells.track(0.0)
-    parts = dwells.found(dwells.Tracks(fixed, fixed, fixed, fixed), np.ones(80_000, bool), Dwells())
+    parts = dwells.find_parts(dwells.Tracks(fixed, fixed, fixed, fixed), np.ones(80_000, bool), Dwells())
     (dwell,) = (p for p in parts if p.kind == "dwell")
-    assert dwell.end - dwell.first == dwells.ALONE_FRAMES
-    assert determined(dwells.ALONE_FRAMES)
+    assert dwell.end - dwell.first == dwells.SINGLE_DWELL_FRAMES
+    assert determined(dwells.SINGLE_DWELL_FRAMES)
     with pytest.raises(ConfigError, match="more draws or fewer bins"):
-        determined(2 * dwells.ALONE_FRAMES)
+        determined(2 * dwells.SINGLE_DWELL_FRAMES)
 
 
 def test_a_dwell_ends_where_the_lock_is_lost():
     fixed = dwells.track(0.0)
     locked = np.arange(8000 * 20) >= 8000
     locked[8000 * 9 : 8000 * 10] = False
-    parts = dwells.found(dwells.Tracks(fixed, fixed, fixed, fixed), locked, Dwells(settle_s=2.0, longest_s=5.0))
+    parts = dwells.find_parts(dwells.Tracks(fixed, fixed, fixed, fixed), locked, Dwells(settle_s=2.0, longest_s=5.0))
     assert [(p.first / 8000, p.end / 8000) for p in parts if p.kind == "dwell"] == [(3.0, 8.0), (12.0, 17.0)]
 
 
@@ -364,7 +369,7 @@ def test_a_wrong_register_does_not_lock_and_is_told(board, tmp_path):
 def test_r1_of_an_imported_record_has_the_words_to_the_clock(board, tmp_path):
     (tmp_path / "map.toml").write_text(MAP + columns() + DWELL)
     paths = [csv(tmp_path / f"{k}.csv", made(board)) for k in range(2)]
-    assert residuals.study(assemble.imported(paths, tmp_path / "map.toml").record, "R1").exact_words
+    assert residuals.study_record(assemble.imported(paths, tmp_path / "map.toml").record, "R1").exact_words
 
 
 def test_a_late_start_with_its_words_can_be_traced(board, tmp_path, monkeypatch):

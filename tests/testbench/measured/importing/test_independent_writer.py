@@ -25,7 +25,7 @@ def vector(begin):
 
 
 @pytest.mark.parametrize(
-    "digest", [records.digest_of, lambda a: other.column_hash(a.tolist() if a.dtype.kind == "U" else a)]
+    "digest", [records.column_digest, lambda a: other.column_hash(a.tolist() if a.dtype.kind == "U" else a)]
 )
 def test_the_hashes_of_columns_are_those_of_the_page(digest):
     assert digest(np.array([1, -2, 3], np.int32)) == vector("int32 1, -2, 3")
@@ -39,7 +39,7 @@ def test_the_hashes_of_content_and_roles_are_those_of_the_page():
     for digest in (records.content_digest, other.content_hash):
         assert digest(streams, tables, toml, provenance, ppm, head) == vector("content")
     row = ("a.0", 0, 32500, "a", "fit")
-    assert other.roles_hash([row]) == schema.sha256_of([list(row)]) == vector("roles")
+    assert other.roles_hash([row]) == schema.json_sha256([list(row)]) == vector("roles")
 
 
 def test_the_other_writers_numbers_are_the_pages():

@@ -63,8 +63,8 @@ def test_r1_of_another_firmware_takes_the_recorded_words(own):
     """With its states unknown the kick of the start-up is missing; behind it nothing else is."""
     own.attrs["regmap_sha256"] = "0" * 64
     own.streams.pop("state")
-    study = residuals.study(own, "R1")
+    study = residuals.study_record(own, "R1")
     assert not study.exact_words
     assert {row.observable for row in study.rows} == set(schema.ADC)
     with pytest.raises(ConfigError, match="R2: regmap_sha256 is another firmware's"):
-        residuals.study(own, "R2")
+        residuals.study_record(own, "R2")

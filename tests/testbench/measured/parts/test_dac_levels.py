@@ -188,6 +188,6 @@ def test_the_floor_of_levels_is_never_below_their_print(tmp_path, count, printed
         savemat(path, {"A": np.round(loadmat(path)["A"] / step_v) * step_v})
         paths.append(path)
     problem = open_problem(paths, {})
-    floors = [problem.floor(k)["level"] for k in range(len(problem.segments))]
+    floors = [problem.repeatability_rms(k)["level"] for k in range(len(problem.segments))]
     assert min(floors) >= printed_lsb / np.sqrt(12) * (1 - 1e-3)  # the slope of the line is not exactly 1 LSB
     assert max(floors) < 3 * printed_lsb

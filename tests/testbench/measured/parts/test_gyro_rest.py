@@ -8,7 +8,7 @@ from testbench.errors import FileError
 from testbench.measured.exam.staged import add_in_stages
 from testbench.measured.formats import gyro_npz
 from testbench.measured.openers import open_problem
-from testbench.measured.parts import gyro_rest
+from testbench.measured.parts import gyro_stationary
 from tests.testbench.measured.parts import made
 
 
@@ -41,7 +41,7 @@ def test_white_noise_gains_no_effect(tmp_path):
 
 def test_a_line_has_its_power():
     hz = np.linspace(0.001, 2000, 2_000_000)
-    assert np.trapezoid(gyro_rest.line(hz, 20.0, 12.0), hz) == pytest.approx(1.0, rel=1e-3)
+    assert np.trapezoid(gyro_stationary.line(hz, 20.0, 12.0), hz) == pytest.approx(1.0, rel=1e-3)
 
 
 def test_the_effects_profile_has_the_rms_and_the_frequency():

@@ -32,7 +32,7 @@ def test_whitening_is_that_of_the_dense_covariance(a, white_sd):
 
 def test_draws_are_white_once_whitened_also_behind_gaps():
     noise = Noise.from_autocorrelation([1.0, 0.8, 0.6], np.linspace(0.5, 2.0, 60))._replace(white_sd=0.4)
-    part = noise.of_rows(np.r_[0:20, 30:60])
+    part = noise.select_rows(np.r_[0:20, 30:60])
     assert part.starts == (0, 20)
-    z = part.whiten(part.draws(50, 4000, np.random.default_rng(2)))
+    z = part.whiten(part.draw_many(50, 4000, np.random.default_rng(2)))
     np.testing.assert_allclose(z @ z.T / 4000, np.eye(50), atol=0.12)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbench.measured import in_loop
-from testbench.measured.exam.part_page import above
+from testbench.measured.exam.part_page import is_unexplained
 from testbench.measured.exam.staged import SAME
 
 sys.path.append(str(Path(__file__).resolve().parents[4] / "docs"))
@@ -43,7 +43,7 @@ def test_the_tables_are_those_of_the_run():
 def test_a_verdict_named_leaves_nothing_above_the_limit():
     for name in KEPT:
         for job in jobs(name).values():
-            rest = [part for part, h in job["heldout"].items() if above(h)]
+            rest = [part for part, h in job["heldout"].items() if is_unexplained(h)]
             found = job["verdict"] == "named in part"
             assert found == bool(rest and job["effects"]) or job["verdict"] in ("confounded", "candidate")
             assert all(h["after"] <= SAME * h["before"] for h in job["heldout"].values()), "never worse than no law"

@@ -25,7 +25,7 @@ def amplitude_m(x, vx, frequency_word, lsb_hz):
     return np.sqrt(x**2 + (vx * resonator.SCALE_HZ / (frequency_word * lsb_hz)) ** 2)
 
 
-class Tally:
+class RunStatistics:
     """Sums over the rows while `active`."""
 
     def __init__(self, lsb_hz):
@@ -86,12 +86,12 @@ class StartUp:
             locked = frames[:, FRAME["state"]] == sequencer.LOCKED
             if locked.any():
                 self.lock_frame = first_frame + int(np.argmax(locked))
-        if self._count < self._wanted():
+        if self._count < self._row_limit():
             columns = [frames[:, FRAME[name]] if name in FRAME else truth[:, TRUTH[name]] for name in self.COLUMNS]
             self._pieces.append(np.stack(columns, axis=1, dtype=float, casting="unsafe"))
             self._count += len(frames)
 
-    def _wanted(self):
+    def _row_limit(self):
         rows = START_LIMIT_S * self.frame_hz
         if self.lock_frame >= 0:
             rows = min(rows, self.lock_frame - self.first_frame + AFTER_LOCK_S * self.frame_hz)
@@ -104,7 +104,7 @@ class StartUp:
 
     def columns(self):
         """The rows that were kept as {name: array of doubles}, and their time from power-on (s)."""
-        rows = np.concatenate(self._pieces)[: self._wanted()] if self._pieces else np.zeros((0, len(self.COLUMNS)))
+        rows = np.concatenate(self._pieces)[: self._row_limit()] if self._pieces else np.zeros((0, len(self.COLUMNS)))
         time_s = (max(self.first_frame, 0) + np.arange(len(rows))) / self.frame_hz
         return {"time_s": time_s} | {name: rows[:, k] for k, name in enumerate(self.COLUMNS)}
 

@@ -19,10 +19,10 @@ from testbench.golden.diagnosis.perturb import FAR, Hypothesis, with_argument
 from testbench.golden.diagnosis.perturb_arithmetic import is_flag
 from testbench.golden.diagnosis.perturb_control import branches, decides
 
-NEAR, BESIDE = 4, FAR + 4  # costs: a bit of a word that is read, one more
-ANY = FAR - 1
+READ_BIT_COST, EXTRA_BIT_COST = 4, FAR + 4  # costs: a bit of a word that is read, one more
+FREE_COST = FAR - 1
 MOST_BITS = 12000
-MOST_FOUND = 12  # of each form
+MOST_MATCHES = 12  # of each form
 FEW = 16  # bytes that are compared first
 SOME = 40  # rows that are tried first
 
@@ -31,13 +31,13 @@ class Bits:
     """Every bit of every word of a block on rows, eight rows to a byte."""
 
     def __init__(self, net, rows):
-        words = [n for n in net.nodes[: net.own] if n.op not in ("const", "param", *ROOTS) and n.value != "rst"]
+        words = [n for n in net.nodes[: net.model_size] if n.op not in ("const", "param", *ROOTS) and n.value != "rst"]
         words.sort(key=lambda n: (bool(n.args), not is_flag(n)))
-        self.places, columns = [], []
+        self.node_bits, columns = [], []
         for node in words:
-            column, width = rows.full(node), 1 if is_flag(node) else min(net.width_of(node), 62)
+            column, width = rows.node_column(node), 1 if is_flag(node) else min(net.node_width(node), 62)
             for bit in range(width) if len(columns) < MOST_BITS else ():
-                self.places.append((node, bit))
+                self.node_bits.append((node, bit))
                 columns.append(np.packbits((column >> bit) & 1 != 0))
         self.packed = np.stack(columns)
 
@@ -45,16 +45,16 @@ class Bits:
         """([numbers of the bits that are `need` in all rows that count], [of those that are its opposite])."""
         want, mask = np.packbits(need), np.packbits(counts)
         at = np.flatnonzero(mask)
-        found = []
+        matches = []
         for value in (want, ~want):
-            left = np.arange(len(self.packed))
+            remaining = np.arange(len(self.packed))
             for part in (at[:: max(len(at) // FEW, 1)], at):
-                left = left[~((self.packed[np.ix_(left, part)] ^ value[part]) & mask[part]).any(axis=1)]
-            found.append(left)
-        return found
+                remaining = remaining[~((self.packed[np.ix_(remaining, part)] ^ value[part]) & mask[part]).any(axis=1)]
+            matches.append(remaining)
+        return matches
 
 
-def bit_of(net, node, bit):
+def bit_node(net, node, bit):
     """Node of one bit of a node."""
     if is_flag(node):
         return node
@@ -71,28 +71,30 @@ def is_value(net, uses):
     )
 
 
-def of_words(net, node):
+def word_hypotheses(net, node):
     """Hypotheses without rows: another bit of a register or input that a condition reads.
 
     The node is the condition, in all of its uses, or what uses one of several uses.
     """
     if all(decides(*use) for use in net.users.get(node.id, ((node, 1),))):
-        yield from _of_words(net, node, node, lambda flag: flag)
+        yield from _word_bit_hypotheses(net, node, node, lambda flag: flag)
     for k, child in enumerate(node.args):
         if decides(node, k) and len(net.users[child.id]) > 1:
-            yield from _of_words(net, child, node, functools.partial(with_argument, net, node, k))
+            yield from _word_bit_hypotheses(net, child, node, functools.partial(with_argument, net, node, k))
 
 
-def _of_words(net, child, site, put):
+def _word_bit_hypotheses(net, child, site, build_node):
     if child.value == "rst" or static(child) is not None:
         return
-    for word in net.inside(child):
-        if word.op in ("reg", "in") and not is_flag(word) and net.width_of(word) <= 62:
-            for bit in range(net.width_of(word)):
-                flag = bit_of(net, word, bit)
-                for said, by in ((f"{word!r}[{bit}]", flag), (f"not {word!r}[{bit}]", net.node("not", (flag,)))):
+    for word in net.cone_nodes(child):
+        if word.op in ("reg", "in") and not is_flag(word) and net.node_width(word) <= 62:
+            for bit in range(net.node_width(word)):
+                flag = bit_node(net, word, bit)
+                for description, by in ((f"{word!r}[{bit}]", flag), (f"not {word!r}[{bit}]", net.node("not", (flag,)))):
                     if by is not child:
-                        yield Hypothesis("condition", f"{said} in the place of {child!r}", site, put(by), NEAR)
+                        yield Hypothesis(
+                            "condition", f"{description} in the place of {child!r}", site, build_node(by), READ_BIT_COST
+                        )
 
 
 def hypotheses(search, target, inside, picked, wrong):
@@ -103,12 +105,12 @@ def hypotheses(search, target, inside, picked, wrong):
         if child.op in ROOTS or child.value == "rst" or static(child) is not None:
             continue
         if uses and len(uses) == len(net.users[child.id]):
-            places = child, child, uses
-            yield from _of_condition(search, target, places, lambda flag: flag, picked, wrong)
+            condition_site = child, child, uses
+            yield from _condition_hypotheses(search, target, condition_site, lambda flag: flag, picked, wrong)
         for node, k in uses if len(uses) > 1 or len(net.users[child.id]) > 1 else ():
             if target.root.cone >> node.id & 1:
-                put = functools.partial(with_argument, net, node, k)
-                yield from _of_condition(search, target, (node, child, [(node, k)]), put, picked, wrong)
+                build_node = functools.partial(with_argument, net, node, k)
+                yield from _condition_hypotheses(search, target, (node, child, [(node, k)]), build_node, picked, wrong)
 
 
 def decisions(search, target, inside, wrong, enough):
@@ -124,18 +126,18 @@ def decisions(search, target, inside, wrong, enough):
         ways = [(child, lambda flag: flag)] if len(uses) == len(net.users[child.id]) else []
         if len(net.users[child.id]) > 1:
             ways += [(node, functools.partial(with_argument, net, node, k)) for node, k in uses]
-        for site, put in ways:
+        for site, build_node in ways:
             if target.root.cone >> site.id & 1:
                 some = wrong[:: max(len(wrong) // SOME, 1)]
-                if enough(some[~_given(search, target, site, put, some)]):
-                    given = _given(search, target, site, put, wrong)
-                    if given.any() and enough(wrong[~given]):
-                        off, on = _with(search, target, site, put, slice(None))
-                        need = (target.got == on)[target.judged & (off != on)]
-                        yield given, bool(need.any() and not need.all())
+                if enough(some[~_explained_rows(search, target, site, build_node, some)]):
+                    explained = _explained_rows(search, target, site, build_node, wrong)
+                    if explained.any() and enough(wrong[~explained]):
+                        off, on = _values_by_flag(search, target, site, build_node, slice(None))
+                        need = (target.got == on)[target.compared_rows & (off != on)]
+                        yield explained, bool(need.any() and not need.all())
 
 
-def of_any(search, target, inside, wrong):
+def free_condition_hypotheses(search, target, inside, wrong):
     """Another condition that has, in each row, the value that the design shows: it explains all wrong rows."""
     net = search.net
     for child in inside:
@@ -145,68 +147,71 @@ def of_any(search, target, inside, wrong):
         ways = [(child, lambda flag: flag)] if len(uses) == len(net.users[child.id]) else []
         if len(net.users[child.id]) > 1:
             ways += [(node, functools.partial(with_argument, net, node, k)) for node, k in uses]
-        for site, put in ways:
-            if not target.root.cone >> site.id & 1 or not _given(search, target, site, put, wrong).all():
+        for site, build_node in ways:
+            if (
+                not target.root.cone >> site.id & 1
+                or not _explained_rows(search, target, site, build_node, wrong).all()
+            ):
                 continue
-            off, on = _with(search, target, site, put, slice(None))
-            decided = target.judged & (off != on)
+            off, on = _values_by_flag(search, target, site, build_node, slice(None))
+            decided = target.compared_rows & (off != on)
             if np.any(decided & (off != target.got) & (on != target.got)):
                 continue
-            flag = search.free(target, child, np.where(decided, on == target.got, search.rows.full(child) != 0))
-            yield Hypothesis("condition", f"another condition for {child!r}", site, put(flag), ANY, True)
+            flag = search.free(target, child, np.where(decided, on == target.got, search.rows.node_column(child) != 0))
+            yield Hypothesis("condition", f"another condition for {child!r}", site, build_node(flag), FREE_COST, True)
 
 
-def _given(search, target, site, put, at):
+def _explained_rows(search, target, site, build_node, at):
     """Which of some rows the design has with the condition that is 0 or 1 there."""
-    off, on = _with(search, target, site, put, at)
+    off, on = _values_by_flag(search, target, site, build_node, at)
     return (off != on) & ((off == target.got[at]) | (on == target.got[at]))
 
 
-def _with(search, target, site, put, at):
+def _values_by_flag(search, target, site, build_node, at):
     """Values of a target at rows with a condition that is 0, and 1."""
-    ways = [search.rows.plain(put(search.net.const(flag)), at) for flag in (0, 1)]
+    ways = [search.rows.row_values(build_node(search.net.const(flag)), at) for flag in (0, 1)]
     size = search.count if isinstance(at, slice) else len(at)
-    return search.changed(target, ((site, np.stack([way + np.zeros(size, np.int64) for way in ways])),), at)
+    return search.faulty_values(target, ((site, np.stack([way + np.zeros(size, np.int64) for way in ways])),), at)
 
 
-def _of_condition(search, target, places, put, picked, wrong):
+def _condition_hypotheses(search, target, condition_site, build_node, picked, wrong):
     """Hypotheses on one condition: `put` gives what stands for the site with another flag as the condition.
 
     places  (site, condition, its uses that are varied)
     """
-    net, (site, child, uses) = search.net, places
-    off, on = _with(search, target, site, put, picked)
+    net, (site, child, uses) = search.net, condition_site
+    off, on = _values_by_flag(search, target, site, build_node, picked)
     if not np.all((off != on) & ((off == target.got[picked]) | (on == target.got[picked]))):
         return
-    off, on = _with(search, target, site, put, slice(None))
-    decided = target.judged & (off != on)
+    off, on = _values_by_flag(search, target, site, build_node, slice(None))
+    decided = target.compared_rows & (off != on)
     need = decided & (on == target.got)
     if not decided[wrong].all() or np.any(decided & ~need & (off != target.got)):
         return
-    now, read = search.rows.full(child) != 0, set(net.inside(child))
+    now, read = search.rows.node_column(child) != 0, set(net.cone_nodes(child))
 
     def fault(what, flag, cost, cause="condition", fitted=True):
-        return Hypothesis(cause, what, site, put(flag), cost, fitted)
+        return Hypothesis(cause, what, site, build_node(flag), cost, fitted)
 
     for value in (0, 1):
         if not np.any(decided & (need != bool(value))):
-            yield fault(f"{'always' if value else 'never'} {child!r}", net.const(value), NEAR)
+            yield fault(f"{'always' if value else 'never'} {child!r}", net.const(value), READ_BIT_COST)
     forms = [(decided, "in the place of", lambda flag: flag)]
     if not np.any(need & ~now):
         forms.append((decided & now, "beside", lambda flag: net.node("land", (child, flag))))
     if not np.any(decided & ~need & now):
         forms.append((decided & ~now, "or", lambda flag: net.node("lor", (child, flag))))
-    for counts, said, formed in forms:
+    for counts, relation, formed in forms:
         for way, numbers in zip(("", "not "), search.bits.equal(need, counts)):
-            near = [number for number in numbers if search.bits.places[number][0] in read]
-            far = [number for number in numbers if search.bits.places[number][0] not in read]
-            for number in (*near[:MOST_FOUND], *far[:MOST_FOUND]):
-                word, bit = search.bits.places[number]
-                flag = bit_of(net, word, bit)
+            read_bits = [number for number in numbers if search.bits.node_bits[number][0] in read]
+            unread_bits = [number for number in numbers if search.bits.node_bits[number][0] not in read]
+            for number in (*read_bits[:MOST_MATCHES], *unread_bits[:MOST_MATCHES]):
+                word, bit = search.bits.node_bits[number]
+                flag = bit_node(net, word, bit)
                 if flag is not child:
-                    cost = BESIDE if said != "in the place of" else NEAR if word in read else FAR
-                    what = f"{way}{word!r}[{bit}] {said} {child!r}"
+                    cost = EXTRA_BIT_COST if relation != "in the place of" else READ_BIT_COST if word in read else FAR
+                    what = f"{way}{word!r}[{bit}] {relation} {child!r}"
                     by = formed(net.node("not", (flag,)) if way else flag)
                     yield fault(what, by, cost, fitted=bool(word.args) or not is_flag(word))
-                    if said == "in the place of" and is_value(net, uses):
+                    if relation == "in the place of" and is_value(net, uses):
                         yield fault(what, by, cost + 1, "operand")

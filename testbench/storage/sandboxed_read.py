@@ -21,7 +21,7 @@ REFUSED = 3
 ROOT = str(Path(__file__).resolve().parents[2])
 
 
-def tried(module, path, what, *more):
+def read_in_subprocess(module, path, what, *more):
     """Standard output of `module`; FileError unless it reads the file to its end within the limits."""
     longest_s = LONGEST_S + os.path.getsize(path) / BYTES_PER_S
     # threads of the linear algebra would take most of the address space
@@ -29,7 +29,7 @@ def tried(module, path, what, *more):
     paths = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))
     command = [sys.executable, "-P", "-m", module, str(path), *more]
     try:
-        done = subprocess.run(
+        completed = subprocess.run(
             command,
             env=os.environ | quiet | {"PYTHONPATH": paths},
             stdin=subprocess.DEVNULL,
@@ -40,12 +40,12 @@ def tried(module, path, what, *more):
         raise FileError(f"{path}: is no {what} that can be read: it takes longer than {longest_s:.0f} s") from None
     except (OSError, ValueError) as problem:
         raise FileError(f"{path}: cannot be read: {problem}") from None
-    if done.returncode == REFUSED:
-        raise FileError(done.stderr.decode("utf-8", "replace"))
-    if done.returncode:
-        how = f"signal {-done.returncode}" if done.returncode < 0 else f"exit code {done.returncode}"
+    if completed.returncode == REFUSED:
+        raise FileError(completed.stderr.decode("utf-8", "replace"))
+    if completed.returncode:
+        how = f"signal {-completed.returncode}" if completed.returncode < 0 else f"exit code {completed.returncode}"
         raise FileError(f"{path}: is no {what} that can be read: the library fails ({how})")
-    return done.stdout
+    return completed.stdout
 
 
 def main(read):

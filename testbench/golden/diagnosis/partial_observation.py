@@ -11,27 +11,27 @@ import collections
 
 import numpy as np
 
-from testbench.golden.diagnosis import of_conditions, simulate
+from testbench.golden.diagnosis import condition_hypotheses, simulate
 from testbench.golden.diagnosis.net import wrapped
-from testbench.golden.diagnosis.perturb import Hypothesis, of_node, with_argument
+from testbench.golden.diagnosis.perturb import Hypothesis, node_hypotheses, with_argument
 from testbench.golden.diagnosis.perturb_control import is_reset_choice
 from testbench.golden.diagnosis.rows import Rows
 
-BEFORE, BEHIND = 800, 2000  # rows before and behind the first difference
+BEFORE, AFTER = 800, 2000  # rows before and behind the first difference
 MOST_RUN = 3000  # hypotheses that are run: of each cause the cheapest ones, as many of each
 
 
-def _in_turn(found):
+def _interleave_causes(activations):
     """[(hypothesis, row)] in the order in which they are run: the cheapest of each cause, then the next ones."""
-    found, count = sorted(found, key=lambda pair: (pair[0].cost, pair[0].site.id)), collections.Counter()
+    activations, count = sorted(activations, key=lambda pair: (pair[0].cost, pair[0].site.id)), collections.Counter()
     turns = []
-    for h, _ in found:
+    for h, _ in activations:
         turns.append(count[h.cause])
         count[h.cause] += 1
-    return [found[k] for k in sorted(range(len(found)), key=lambda k: turns[k])]
+    return [activations[k] for k in sorted(range(len(activations)), key=lambda k: turns[k])]
 
 
-class Hidden:
+class PartialObservation:
     """The visible rows of a design against a net.
 
     leaves    {("in" or "reg", name): golden column}
@@ -43,7 +43,7 @@ class Hidden:
         self.visible = [name for name in net.roots if name in got]
         wrong = np.logical_or.reduce([care[name] & (got[name] != expected[name]) for name in self.visible])
         first = int(np.argmax(wrong))
-        window = slice(max(first - BEFORE, 0), first + BEHIND)
+        window = slice(max(first - BEFORE, 0), first + AFTER)
         self.begin, self.first = window.start, first - window.start
         self.wrong = wrong[window]
         self.count = len(self.wrong)
@@ -56,46 +56,55 @@ class Hidden:
         wrong = {name: self.care[name] & (self.got[name] != self.expected[name]) for name in self.visible}
         self.differs = {name: int(np.argmax(rows)) for name, rows in wrong.items() if rows.any()}
 
-    def _activated(self, node):
+    def _active_hypotheses(self, node):
         """(hypotheses at a node, first row of each where it differs): those that differ before what is seen."""
-        at = np.arange(self.first + 1)
-        was = self.rows.plain(node, at) + np.zeros(len(at), np.int64)
-        found, rows = [], []
-        for h in (*of_node(self.net, node, self.rows.seen), *of_conditions.of_words(self.net, node)):
+        row_numbers = np.arange(self.first + 1)
+        was = self.rows.row_values(node, row_numbers) + np.zeros(len(row_numbers), np.int64)
+        hypotheses, rows = [], []
+        for h in (
+            *node_hypotheses(self.net, node, self.rows.value_range),
+            *condition_hypotheses.word_hypotheses(self.net, node),
+        ):
             if any(n.op == "ahead" for n in (h.by, *h.by.args, *[b for a in h.by.args for b in a.args])):
                 continue
-            differs = self.rows.plain(h.by, at) != was
+            differs = self.rows.row_values(h.by, row_numbers) != was
             if differs.any():
-                found.append(h)
-                rows.append(int(at[np.argmax(differs)]))
-        return found, np.array(rows, np.int64)
+                hypotheses.append(h)
+                rows.append(int(row_numbers[np.argmax(differs)]))
+        return hypotheses, np.array(rows, np.int64)
 
-    def _reset(self, node, found, at):
+    def _replace_reset_hypotheses(self, node, hypotheses, first_rows):
         """With other reset values, which show from row 0 on; that of a register that is seen is what is seen."""
         if node.value in self.got and self.care[node.value][0]:
             value = self.net.const(self.got[node.value][0])
-            own = [
+            reset_hypotheses = [
                 Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(self.net, node, 1, value), 0)
             ]
         else:
-            own = [h for h in of_node(self.net, node, self.rows.seen) if h.cause == "reset"]
-        others = [k for k, h in enumerate(found) if h.cause != "reset"]
-        return [*own, *(found[k] for k in others)], np.array([*[0] * len(own), *at[others]], np.int64)
+            reset_hypotheses = [h for h in node_hypotheses(self.net, node, self.rows.value_range) if h.cause == "reset"]
+        other_indices = [k for k, h in enumerate(hypotheses) if h.cause != "reset"]
+        return [*reset_hypotheses, *(hypotheses[k] for k in other_indices)], np.array(
+            [*[0] * len(reset_hypotheses), *first_rows[other_indices]], np.int64
+        )
 
-    def _unseen(self, node, found, at):
+    def _consistent_hypotheses(self, node, hypotheses, first_rows):
         """Those of the hypotheses at a node that give, where first active, what is seen."""
-        keep = np.ones(len(found), bool)
-        by = np.array([np.sum(self.rows.plain(h.by, at[k : k + 1])) for k, h in enumerate(found)], np.int64)
+        consistent = np.ones(len(hypotheses), bool)
+        by = np.array(
+            [np.sum(self.rows.row_values(h.by, first_rows[k : k + 1])) for k, h in enumerate(hypotheses)], np.int64
+        )
         for name in self.visible:
             root, fmt = self.net.roots[name], self.net.fmts[name]
             if not root.cone >> node.id & 1:
                 continue
-            value = wrapped(self.rows.changed(root, ((node, by),), at), fmt.width, bool(fmt.s))
-            rows = np.minimum(at + (root.op == "next"), self.count - 1)
-            keep &= (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (at == 0))
-        return [(h, int(row)) for h, row, kept in zip(found, at, keep) if kept]
+            value = wrapped(self.rows.faulty_values(root, ((node, by),), first_rows), fmt.width, bool(fmt.s))
+            rows = np.minimum(first_rows + (root.op == "next"), self.count - 1)
+            consistent &= (
+                (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (first_rows == 0))
+            )
+        return [(h, int(row)) for h, row, is_consistent in zip(hypotheses, first_rows, consistent) if is_consistent]
 
-    def at_once(self):
+    def async_reset_port(self):
         """The first port at fault if the whole block is reset in the row of its reset, before the edge; else None."""
         reset = self.leaves["in", "rst"] != 0
         leaves = {
@@ -105,56 +114,58 @@ class Hidden:
         rows = Rows(self.net, leaves, self.count)
         for name in self.visible:
             root, fmt = self.net.roots[name], self.net.fmts[name]
-            shown = leaves["reg", name] if root.op == "next" else wrapped(rows.full(root), fmt.width, bool(fmt.s))
-            if np.any(self.care[name] & (shown != self.got[name])):
+            port_values = (
+                leaves["reg", name] if root.op == "next" else wrapped(rows.node_column(root), fmt.width, bool(fmt.s))
+            )
+            if np.any(self.care[name] & (port_values != self.got[name])):
                 return None
         return min(self.differs, key=self.differs.get, default=None)
 
-    def explained(self):
+    def hypothesis_shares(self):
         """[(hypothesis, share)] of those that explain some wrong rows, the best first."""
-        ahead = []
-        for node in self.net.nodes[: self.net.own]:
+        activations = []
+        for node in self.net.nodes[: self.net.model_size]:
             if node.op in ("const", "next", "pin") and not node.args:
                 continue
-            found, at = self._activated(node)
+            hypotheses, first_rows = self._active_hypotheses(node)
             if is_reset_choice(node) and self.begin == 0:
-                found, at = self._reset(node, found, at)
-            if found:
-                ahead += self._unseen(node, found, at)
-        ahead = _in_turn(ahead)
-        inputs = sorted({n.value for n in self.net.nodes[: self.net.own] if n.op == "in"})
-        given = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
+                hypotheses, first_rows = self._replace_reset_hypotheses(node, hypotheses, first_rows)
+            if hypotheses:
+                activations += self._consistent_hypotheses(node, hypotheses, first_rows)
+        activations = _interleave_causes(activations)
+        inputs = sorted({n.value for n in self.net.nodes[: self.net.model_size] if n.op == "in"})
+        input_rows = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
         want = list(zip(*[np.where(self.care[n], self.got[n], None).tolist() for n in self.visible]))
         registers = [name for name, root in self.net.roots.items() if root.op == "next"]
         total, out, runs = np.count_nonzero(self.wrong), [], {}
-        for h, row in ahead[:MOST_RUN]:
+        for h, row in activations[:MOST_RUN]:
             if simulate.adds_a_register(self.net, h.by):
-                by, (run, held) = None, simulate.compiled(self.net, h.site, h.by, self.visible)
+                by, (run, added_registers) = None, simulate.compile_block(self.net, h.site, h.by, self.visible)
             else:
-                by = simulate.value_of(self.net, h.by)
+                by = simulate.compile_node(self.net, h.by)
                 if h.site.id not in runs:
-                    runs[h.site.id] = simulate.compiled(self.net, h.site, None, self.visible)
-                run, held = runs[h.site.id]
+                    runs[h.site.id] = simulate.compile_block(self.net, h.site, None, self.visible)
+                run, added_registers = runs[h.site.id]
             state = [int(self.leaves["reg", name][row]) for name in registers]
             if row == 0 == self.begin and is_reset_choice(h.site) and h.cause == "reset" and h.by.args[1].op == "const":
                 state[registers.index(h.site.value)] = h.by.args[1].value
-            kept = [int(self.rows.full(node)[row]) for node in held]
-            end = run(by, tuple(state), kept, given, row, self.count, want)
+            added_values = [int(self.rows.node_column(node)[row]) for node in added_registers]
+            end = run(by, tuple(state), added_values, input_rows, row, self.count, want)
             share = np.count_nonzero(self.wrong[:end]) / total
             if share > 0:
                 out.append((h, share))
         return sorted(out, key=lambda pair: (-pair[1], pair[0].cost))
 
-    def driven(self, hypothesis):
+    def affected_port(self, hypothesis):
         """The port that differs and that a hypothesis reaches through the fewest registers; the first of several."""
-        reached, ahead = set(), [name for name, root in self.net.roots.items() if root.cone >> hypothesis.site.id & 1]
-        while ahead:
-            found = [name for name in ahead if name in self.differs]
-            if found:
-                return min(found, key=self.differs.get)
-            reached.update(ahead)
-            registers = [self.net.node("reg", (), name) for name in ahead if self.net.roots[name].op == "next"]
-            ahead = [
+        reached, ports = set(), [name for name, root in self.net.roots.items() if root.cone >> hypothesis.site.id & 1]
+        while ports:
+            differing_ports = [name for name in ports if name in self.differs]
+            if differing_ports:
+                return min(differing_ports, key=self.differs.get)
+            reached.update(ports)
+            registers = [self.net.node("reg", (), name) for name in ports if self.net.roots[name].op == "next"]
+            ports = [
                 name
                 for name, root in self.net.roots.items()
                 if name not in reached and any(root.cone >> register.id & 1 for register in registers)

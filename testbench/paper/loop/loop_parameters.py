@@ -21,12 +21,12 @@ from testbench.errors import ConfigError
 from testbench.run import build, design_check
 from testbench.run.budget import budget, lock_frequency_hz
 
-WORD_STANDS_SLOT = rates.SLOT_LOOPS + 2  # error, then PI; the sum stands one clock later
+WORD_READY_SLOT = rates.SLOT_LOOPS + 2  # error, then PI; the sum stands one clock later
 PRODUCT_AND_CODE_CLOCKS, LOAD_CLOCKS = 2, 1
 RAW_GAIN = 2.0**pi.COEF.f
 
 
-class Parts(NamedTuple):
+class LoopParameters(NamedTuple):
     """Numbers of the loops; angles in rad, lags positive; reference: the drive's sgn(sin) pin, mean instant."""
 
     tick_hz: float  # updates of the DACs
@@ -101,11 +101,11 @@ def word_acts_s(config):
 
     last sample, DRDY, serial read, slots to the PI's sum; next product; registers, frames, latch, response
     """
-    device, record, chip = config.device(), config.design_record(), chips.of(config.design).sense
+    device, record, chip = config.device(), config.design_record(), chips.design_chips(config.design).sense
     last_sample_clock = (device.adc_decimation - 1) * record.master_hz / device.adc_modulator_hz
     ready = math.ceil(last_sample_clock + (build.CONVERSION_DELAY_S + device.adc_delay_s) * record.master_hz)
-    stands = ready + spi_adc.read_clocks(record) + WORD_STANDS_SLOT
-    product = math.ceil(stands / record.tick_clocks) * record.tick_clocks
+    sum_clock = ready + spi_adc.read_clocks(record) + WORD_READY_SLOT
+    product = math.ceil(sum_clock / record.tick_clocks) * record.tick_clocks
     clocks = (
         product
         + PRODUCT_AND_CODE_CLOCKS
@@ -119,8 +119,8 @@ def word_acts_s(config):
 
 def _by_design(config, device, f_hz):
     """(fields of `Parts` that [design] decides, what the hold over a tick leaves of a tone at f)."""
-    record, code_bits = config.design_record(), chips.of(config.design).sense.bits
-    turn, full_sine = math.pi * f_hz / record.tick_hz, sine.OUT.at(record)
+    record, code_bits = config.design_record(), chips.design_chips(config.design).sense.bits
+    turn, full_sine = math.pi * f_hz / record.tick_hz, sine.OUT.for_design(record)
     grid = math.sin(turn) / turn
     return {
         "tick_hz": record.tick_hz,
@@ -132,7 +132,7 @@ def _by_design(config, device, f_hz):
     }, grid
 
 
-def parts(config, temp_degc=None):
+def loop_parameters(config, temp_degc=None):
     """`Parts` of a configuration at `temp_degc` (default: the scenario's first temperature).
 
     Raises ConfigError for the board or the converter clock that this analysis is not made for, and for a [design]
@@ -142,7 +142,7 @@ def parts(config, temp_degc=None):
     start = config.scenario.temperature_degc
     if temp_degc is None:
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]
-    warm = thermal.at_temperature(device, temp_degc)
+    warm = thermal.device_at_temperature(device, temp_degc)
     first = budget(config, temp_degc)
     f_hz = lock_frequency_hz(warm.fx_hz, warm.qx, *_lock_phases(first))
     phases = budget(config, temp_degc, f_hz)
@@ -156,15 +156,15 @@ def parts(config, temp_degc=None):
     by_design, grid = _by_design(config, device, f_hz)
     edges = grid if config.firmware.reference_retimed else 1.0
     passed = math.prod(math.cos(math.atan(w * tau)) for tau in (drive_ring, *amplifiers))
-    seen_v_per_um = drive_gain * device.signal_gain * passed * 4 / math.pi * edges * 1e-6
+    output_v_per_um = drive_gain * device.signal_gain * passed * 4 / math.pi * edges * 1e-6
     drive_full_v = device.adc_vref_v / device.adc_pga_drive
-    wanted_fs = config.firmware.amplitude_um * nominal["v_per_um"] / nominal["adc_drive_v"]
-    amplitude_um = wanted_fs * drive_full_v / seen_v_per_um
+    setpoint_fs = config.firmware.amplitude_um * nominal["v_per_um"] / nominal["adc_drive_v"]
+    amplitude_um = setpoint_fs * drive_full_v / output_v_per_um
     if device.ring_saturation_on:
         linear_v = abs(drive_gain) * amplitude_um * 1e-6
         amplitude_um = 1e6 * ring_levels.amplitude_m(device, temp_degc, linear_v)
     words = config.firmware
-    inject = sid.of_device(warm)
+    inject = sid.device_injection(warm)
     rc_s = warm.sid_r_ohm * warm.sid_c_f
     # on-time means are raised by 2 Q R f a stage, and the last capacitor is held a quarter of its jump above its mean
     unequal = [a - b for a, b in zip(inject[:3], inject[3:])]
@@ -172,7 +172,7 @@ def parts(config, temp_degc=None):
     on = config.noise
     damping = warm.mass_kg * 2 * math.pi * warm.fy_hz / warm.qy
     force_noise = thermomechanical_density(damping, temp_degc)
-    return Parts(
+    return LoopParameters(
         **by_design,
         w_rad_s=w,
         wy_rad_s=2 * math.pi * warm.fy_hz,

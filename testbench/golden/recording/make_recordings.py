@@ -1,4 +1,4 @@
-"""Recordings that vectors of the whole firmware replay: python -m testbench.golden.recording.record [NAME ...]
+"""Recordings that vectors of the whole firmware replay: python -m testbench.golden.recording.make_recordings [NAME ...]
 
     reset          all states of the sequencer in a few frames, host writes at every place, resets in the middle of
                    everything; codes of `story`, so no closed loop of its own
@@ -35,7 +35,7 @@ from fpga_model import (
     top,
 )
 from fpga_model.fault_monitor import CODE
-from fpga_model.fixed import signed
+from fpga_model.fixed import signed_bits
 from fpga_model.rates import FRAME_CYCLES, FRAME_HZ, FRAME_TICKS
 from testbench import config
 from testbench.engines import engine
@@ -45,7 +45,7 @@ from testbench.golden.recording import recording, registers_case, replay
 from testbench.golden.recording.recording import Recording, Window
 from testbench.golden.stimulus.writer import Random
 from testbench.run import build
-from testbench.run.simulate import faults_of
+from testbench.run.simulate import build_faults
 
 DEG = math.pi / 180
 TEMP_DEGC = 25.0
@@ -167,7 +167,7 @@ def _level(points, frame):
     return [value for first, value in points if first <= frame][-1]
 
 
-def closed_loop(name, case, progress=None):
+def record_closed_loop(name, case, progress=None):
     """Run a case tick by tick; `Recording` without windows."""
     settings = case.config
     if not isinstance(settings, config.Config):
@@ -185,7 +185,7 @@ def closed_loop(name, case, progress=None):
             row = np.array([int(value) for _, value in leaves(state.fpga)], "<i8")
             closed.update(row.tobytes())
             rate = np.full(2, _level(case.rate_dps, frame) * DEG)
-            faults = faults_of([f[2:] for f in case.faults if f[0] <= frame <= f[1]])
+            faults = build_faults([f[2:] for f in case.faults if f[0] <= frame <= f[1]])
             if progress:
                 progress(name, frame, case.frames)
         write = (0, 0, 0)
@@ -284,7 +284,7 @@ def reset_case(story, firmware=None):
     adc[:, 0] = adc[:, 0] * frame_clocks // FRAME_CYCLES
     random = Random(RESET_SEED)
     for frame in WILD:
-        adc[frame, 2:6] = [random.raw(signed(23)) for _ in range(4)]
+        adc[frame, 2:6] = [random.raw(signed_bits(23)) for _ in range(4)]
     adc[:, 7:] = [[random.raw(CODE) for _ in row] for row in adc[:, 7:]]  # channels that the board does not use
     heat = Random(RESET_SEED + 1)
     adc[:, 6] = [heat.raw(CODE) for _ in adc]  # temperatures that no board has
@@ -380,7 +380,7 @@ def make(name, progress=None):
             raise FileError(f"{name}: the story that it is made of is of another firmware: record story first")
         r = OF_STORY[name](story)
     else:
-        r = closed_loop(name, CASES[name], progress)
+        r = record_closed_loop(name, CASES[name], progress)
     return r._replace(windows=find_windows(r))
 
 

@@ -19,11 +19,11 @@ class Calibrated:
         self.priors, self.progress = priors, progress
 
     def __call__(self, data, model, record, bench):
-        declared = parameters.declared(record) if len(record.tables["priors"]["param"].data) else ()
+        declared = parameters.read_parameters(record) if len(record.tables["priors"]["param"].data) else ()
         if self.priors:
             path = sheet.OWN if self.priors == sheet.NAMED else Path(self.priors)
             declared = sheet.parameters(model, sheet.read(path), declared)
         if not sheet.wide(declared):
             return (model, declared, ()) if self.priors else None
-        found = estimate(data, model, declared, bench, self.progress)
-        return found.config, found.parameters, found.lines()
+        result = estimate(data, model, declared, bench, self.progress)
+        return result.config, result.parameters, result.lines()

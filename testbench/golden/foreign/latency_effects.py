@@ -11,12 +11,12 @@ import functools
 from typing import NamedTuple
 
 from fpga_model import control, top, wiring
-from fpga_model.block import flat
+from fpga_model.block import port_name
 from testbench.errors import FileError
 
 # The pins of the board in this direction are answered by a chip (docs/architecture.md, what crosses the pins)
 ANSWERS = {"adc": ("drdy_n", "dout")}
-WHOLE = "top"
+FULL_DESIGN = "top"
 RESTS = ("control.", "sid.", "adc.")  # a carrier that gets there has become codes and words
 NODES = {"drive": ("xe1",), "sense": ("ye1",), "refs": ("xe1", "ye1")}
 
@@ -32,13 +32,13 @@ class Lag(NamedTuple):
 @functools.cache
 def _wires():
     """{output of an instance: ports that it goes to} of top and control."""
-    found = {}
+    targets = {}
     for module, before in ((control, "control."), (top, "")):
-        for wire in wiring.trace(module, whole=True).wires:
+        for wire in wiring.trace(module, all_parts=True).wires:
             for leaf in wire.signal.leaves:
                 target = wire.target if wire.instance == "pins" else before + wire.target
-                found.setdefault(before + leaf.name, set()).add(target)
-    return found
+                targets.setdefault(before + leaf.name, set()).add(target)
+    return targets
 
 
 @functools.cache
@@ -53,32 +53,32 @@ def _owner(port):
     return next((name for name in _instances() if port.startswith(f"{name}.")), "")
 
 
-def _pins(instance, port):
+def _carrier_pins(instance, port):
     """Pins that a register or pin of an instance reaches as a carrier."""
-    found, seen, todo = set(), set(), [f"{instance}.{port}"]
+    pins, visited, todo = set(), set(), [f"{instance}.{port}"]
     while todo:
         source = todo.pop()
         for target in _wires().get(source, ()):
             if target.startswith("pins."):
-                found.add(target[len("pins.") :])
-            elif not target.startswith(RESTS) and _owner(target) and _owner(target) not in seen:
-                seen.add(_owner(target))
+                pins.add(target[len("pins.") :])
+            elif not target.startswith(RESTS) and _owner(target) and _owner(target) not in visited:
+                visited.add(_owner(target))
                 todo += [name for name in _wires() if _owner(name) == _owner(target)]
-    return found
+    return pins
 
 
 @functools.cache
 def _carriers():
     """Instances that a phase of the DDS reaches."""
-    found, todo = {"dds"}, ["dds"]
+    carriers, todo = {"dds"}, ["dds"]
     while todo:
         instance = todo.pop()
         for source in (name for name in _wires() if _owner(name) == instance):
             for owner in {_owner(t) for t in _wires()[source] if not t.startswith(("pins.", *RESTS))} - {""}:
-                if owner not in found:
-                    found.add(owner)
+                if owner not in carriers:
+                    carriers.add(owner)
                     todo.append(owner)
-    return found
+    return carriers
 
 
 def lags(stem, case, clocks):
@@ -86,15 +86,17 @@ def lags(stem, case, clocks):
 
     Of the whole design the ports are its pins.
     """
-    own = [name for name, own in _instances().items() if own == stem and name in _carriers()]
-    own = [stem] if stem == WHOLE else [name for name in own if name.rpartition(".")[2] == case] or own
-    found = {}
-    for instance in sorted(own):
-        for port, late in clocks.items():
+    instances = [name for name, instances in _instances().items() if instances == stem and name in _carriers()]
+    instances = (
+        [stem] if stem == FULL_DESIGN else [name for name in instances if name.rpartition(".")[2] == case] or instances
+    )
+    clocks_by_node = {}
+    for instance in sorted(instances):
+        for port, delay in clocks.items():
             bare = port[2:]
-            names = [n for n in _wires() if _owner(n) == instance and flat(n[len(instance) + 1 :]) == bare]
+            names = [n for n in _wires() if _owner(n) == instance and port_name(n[len(instance) + 1 :]) == bare]
             pins = set().union(
-                {bare} if stem == WHOLE else (), *(_pins(instance, n[len(instance) + 1 :]) for n in names)
+                {bare} if stem == FULL_DESIGN else (), *(_carrier_pins(instance, n[len(instance) + 1 :]) for n in names)
             )
             for path, nodes in NODES.items():
                 # a drive or sense port of a block with both turns its own node alone
@@ -103,9 +105,12 @@ def lags(stem, case, clocks):
                     for node in mine:
                         # pins of one chip leave together: the latest counts; a late reference is less lag
                         sign = -1 if path == "refs" else 1
-                        found[instance, node, sign] = max(late, found.get((instance, node, sign), 0))
-    places = dict.fromkeys((instance, node) for instance, node, _ in found)
-    return [Lag(*place, found.get((*place, 1), 0) - found.get((*place, -1), 0)) for place in places]
+                        clocks_by_node[instance, node, sign] = max(delay, clocks_by_node.get((instance, node, sign), 0))
+    instance_nodes = dict.fromkeys((instance, node) for instance, node, _ in clocks_by_node)
+    return [
+        Lag(*instance_node, clocks_by_node.get((*instance_node, 1), 0) - clocks_by_node.get((*instance_node, -1), 0))
+        for instance_node in instance_nodes
+    ]
 
 
 def check(path, stem, clocks):
@@ -113,18 +118,19 @@ def check(path, stem, clocks):
 
     An input of the block answers a late port, or a chip would read its pins at different clocks.
     """
-    for name in (name for name, own in _instances().items() if stem in (own, WHOLE)):
+    for name in (name for name, block in _instances().items() if stem in (block, FULL_DESIGN)):
         sources = {source: [t[len("pins.") :] for t in targets if t.startswith("pins.")]
                    for source, targets in _wires().items() if _owner(source) == name}  # fmt: skip
-        pins = {pin for source, shown in sources.items()
-                for pin in (shown if stem == WHOLE else [source[len(name) + 1 :]] * bool(shown))}  # fmt: skip
-        given = {pin: clocks.get(f"r_{pin}", clocks.get(f"o_{pin}", 0)) for pin in sorted(pins)}
-        if name in ANSWERS and any(given.values()):
-            late = max(given, key=given.get)
+        pins = {pin for source, targets in sources.items()
+                for pin in (targets if stem == FULL_DESIGN else [source[len(name) + 1 :]] * bool(targets))}  # fmt: skip
+        delays = {pin: clocks.get(f"r_{pin}", clocks.get(f"o_{pin}", 0)) for pin in sorted(pins)}
+        if name in ANSWERS and any(delays.values()):
+            latest = max(delays, key=delays.get)
             raise FileError(
-                f"{path}: [ports] {late}: inputs {' and '.join(ANSWERS[name])} answer it, so recorded rows would come "
-                f"{given[late]} clocks too early; close the loop instead: gyro golden loop"
+                f"{path}: [ports] {latest}: inputs {' and '.join(ANSWERS[name])} answer it, so recorded rows would "
+                "come "
+                f"{delays[latest]} clocks too early; close the loop instead: gyro golden loop"
             )
-        if len(set(given.values())) > 1:
-            told = ", ".join(f"{pin} {late}" for pin, late in given.items())
-            raise FileError(f"{path}: [ports]: one chip reads these pins together, with equal clocks: {told}")
+        if len(set(delays.values())) > 1:
+            pin_delays = ", ".join(f"{pin} {latest}" for pin, latest in delays.items())
+            raise FileError(f"{path}: [ports]: one chip reads these pins together, with equal clocks: {pin_delays}")

@@ -15,42 +15,42 @@ from testbench.golden.stimulus.levels import rtl_parameters
 VERILOG, VHDL = "verilog", "vhdl"
 
 
-def name_of(manifest):
+def adapter_name(manifest):
     """Module or entity of the wrapper; never that of a block of ours. The benches of the whole design know its name."""
     return "gyro_top" if manifest["block"] == "top" else f"golden_{manifest['block']}"
 
 
-def _design_ports(found):
+def _design_ports(port_map):
     """{port of the design: [(bundle's name, entry, Port)]} of inputs and of outputs."""
     inputs, outputs = {}, {}
-    for p, port in found.inputs:
+    for p, port in port_map.inputs:
         if port.name:
             inputs.setdefault(port.name, []).append((p["name"], p, port))
-    for name, p, port in found.outputs:
+    for name, p, port in port_map.outputs:
         outputs.setdefault(port.name, []).append((name, p, port))
     return inputs, outputs
 
 
-def _width(name, listed):
+def _port_width(name, entries):
     """Bits of a port of the design; FileError if two entries disagree."""
-    if all(port.hi is None for *_, port in listed):
-        widths = {port.width for *_, port in listed}
+    if all(port.hi is None for *_, port in entries):
+        widths = {port.width for *_, port in entries}
         if len(widths) > 1:
             raise FileError(f"map: port {name} of the design has {' and '.join(map(str, sorted(widths)))} bits")
         return widths.pop()
-    return 1 + max(port.hi or 0 for *_, port in listed)
+    return 1 + max(port.hi or 0 for *_, port in entries)
 
 
-def widths(found):
+def widths(port_map):
     """{port of the design: bits} of a `design_map.DesignMap`."""
-    return {name: _width(name, listed) for ports in _design_ports(found) for name, listed in ports.items()}
+    return {name: _port_width(name, entries) for ports in _design_ports(port_map) for name, entries in ports.items()}
 
 
-def _undriven(name, listed):
+def _check_drivers(name, entries):
     """FileError where bits of an input have no driver."""
-    if any(port.hi is None for *_, port in listed):
+    if any(port.hi is None for *_, port in entries):
         return
-    driven = {bit for *_, port in listed for bit in range(port.lo, port.hi + 1)}
+    driven = {bit for *_, port in entries for bit in range(port.lo, port.hi + 1)}
     free = sorted(set(range(max(driven) + 1)) - driven)
     if free:
         raise FileError(f"map: bit {free[0]} of input {name} of the design has no driver")
@@ -64,71 +64,73 @@ class _Verilog:
     """Expressions of Verilog; nets are vectors, also of one bit."""
 
     @staticmethod
-    def into(name, p, port):
+    def input_expression(name, p, port):
         """A bundle's input as bits for the design."""
-        wide, own = p["width"], port.width
+        wide, port_width = p["width"], port.width
         sign = f"{name}[{wide - 1}]" if p["signed"] else "1'b0"
-        text = f"{{{{{own - wide}{{{sign}}}}}, {name}}}" if own > wide else f"{name}[{own - 1}:0]"
+        text = f"{{{{{port_width - wide}{{{sign}}}}}, {name}}}" if port_width > wide else f"{name}[{port_width - 1}:0]"
         return f"~{text}" if port.invert else text
 
     @staticmethod
-    def out_of(net, p, port):
+    def output_expression(net, p, port):
         """(declarations, expression) of a bundle's output from bits of the design."""
-        wide, own = p["width"], port.width
-        hi, lo = (own - 1, 0) if port.hi is None else (port.hi, port.lo)
+        wide, port_width = p["width"], port.width
+        hi, lo = (port_width - 1, 0) if port.hi is None else (port.hi, port.lo)
         bits = f"{'~' if port.invert else ''}{net}[{hi}:{lo}]"
-        if own <= wide:
-            sign = f"v_{net}_{lo}[{own - 1}]" if p["signed"] else "1'b0"
-            extended = f"{{{{{wide - own}{{{sign}}}}}, v_{net}_{lo}}}" if own < wide else f"v_{net}_{lo}"
+        if port_width <= wide:
+            sign = f"v_{net}_{lo}[{port_width - 1}]" if p["signed"] else "1'b0"
+            extended = f"{{{{{wide - port_width}{{{sign}}}}}, v_{net}_{lo}}}" if port_width < wide else f"v_{net}_{lo}"
         else:
             sign = f"v_{net}_{lo}[{wide - 1}]" if p["signed"] else "1'b0"
             low = f"v_{net}_{lo}[{wide - 1}:0]"
-            extended = f"(v_{net}_{lo}[{own - 1}:{wide}] === {{{own - wide}{{{sign}}}}}) ? {low} : ~{low}"
-        return f"    wire {_span(own)} v_{net}_{lo} = {bits};", extended
+            extended = f"(v_{net}_{lo}[{port_width - 1}:{wide}] === {{{port_width - wide}{{{sign}}}}}) ? {low} : ~{low}"
+        return f"    wire {_span(port_width)} v_{net}_{lo} = {bits};", extended
 
 
-def _resting(manifest, found):
+def _mapped_omitted_params(manifest, port_map):
     """Entries of the parameters that the map lists and the bundle leaves at 0."""
-    listed = {name for name, *_ in found.parameters}
-    return [p for p in levels.omitted_params(manifest) if p["name"] in listed]
+    names = {name for name, *_ in port_map.parameters}
+    return [p for p in levels.omitted_params(manifest) if p["name"] in names]
 
 
-def verilog(manifest, found):
+def verilog(manifest, port_map):
     """Text of the wrapper in Verilog-2005, of a `design_map.DesignMap`."""
-    inputs, outputs = _design_ports(found)
-    given = [f"    parameter {name} = {value}" for name, value in rtl_parameters(manifest)]
-    for p in (*levels.used_params(manifest), *_resting(manifest, found)):
-        given.append(f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0")
-    given += [f'    parameter {name} = ""' for name in levels.roms(manifest)]
-    head = f" #(\n{(',' + chr(10)).join(given)}\n)" if given else ""
+    inputs, outputs = _design_ports(port_map)
+    declarations = [f"    parameter {name} = {value}" for name, value in rtl_parameters(manifest)]
+    for p in (*levels.used_params(manifest), *_mapped_omitted_params(manifest, port_map)):
+        declarations.append(
+            f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0"
+        )
+    declarations += [f'    parameter {name} = ""' for name in levels.roms(manifest)]
+    head = f" #(\n{(',' + chr(10)).join(declarations)}\n)" if declarations else ""
     ports = ["    input wire clk", *(f"    input wire {_span(p['width'])} {p['name']}" for p in manifest["inputs"])]
-    ports += [f"    output wire {_span(p['width'])} {name}" for name, p, _ in found.outputs]
-    lines, links = [], [f".{found.clock}(clk)"]
-    if found.reset[0]:
-        links.append(f".{found.reset[0]}({'' if found.reset[1] else '~'}rst)")
+    ports += [f"    output wire {_span(p['width'])} {name}" for name, p, _ in port_map.outputs]
+    lines, links = [], [f".{port_map.clock}(clk)"]
+    if port_map.reset[0]:
+        links.append(f".{port_map.reset[0]}({'' if port_map.reset[1] else '~'}rst)")
     for name, entries in inputs.items():
-        _undriven(name, entries)
-        lines.append(f"    wire {_span(_width(name, entries))} d_{name};")
-        for own, p, port in entries:
+        _check_drivers(name, entries)
+        lines.append(f"    wire {_span(_port_width(name, entries))} d_{name};")
+        for counterpart, p, port in entries:
             bits = "" if port.hi is None else f"[{port.hi}:{port.lo}]"
-            lines.append(f"    assign d_{name}{bits} = {_Verilog.into(own, p, port)};")
+            lines.append(f"    assign d_{name}{bits} = {_Verilog.input_expression(counterpart, p, port)};")
         links.append(f".{name}(d_{name})")
-    links += [f".{name}({value})" for name, value in found.ties]
+    links += [f".{name}({value})" for name, value in port_map.ties]
     for name, entries in outputs.items():
-        lines.append(f"    wire {_span(_width(name, entries))} d_{name};")
-        for own, p, port in entries:
-            declared, text = _Verilog.out_of(f"d_{name}", p, port)
-            lines += [declared, f"    assign {own} = {text};"]
+        lines.append(f"    wire {_span(_port_width(name, entries))} d_{name};")
+        for counterpart, p, port in entries:
+            declared, text = _Verilog.output_expression(f"d_{name}", p, port)
+            lines += [declared, f"    assign {counterpart} = {text};"]
         links.append(f".{name}(d_{name})")
-    generics = [f".{own}({name})" for name, own, _ in found.parameters]
-    generics += [f".{name}({value})" for name, value in found.constants]
-    told_design = f" #(\n{(',' + chr(10)).join(generics)}\n)" if generics else ""
-    return f"""// {found.top} with the names of {manifest["block"]}/{manifest["case"]}
-module {name_of(manifest)}{head} (
+    generics = [f".{counterpart}({name})" for name, counterpart, _ in port_map.parameters]
+    generics += [f".{name}({value})" for name, value in port_map.constants]
+    parameter_map = f" #(\n{(',' + chr(10)).join(generics)}\n)" if generics else ""
+    return f"""// {port_map.top} with the names of {manifest["block"]}/{manifest["case"]}
+module {adapter_name(manifest)}{head} (
 {(("," + chr(10)).join(ports))}
 );
 {chr(10).join(dict.fromkeys(lines))}
-    {found.top}{told_design} yours (
+    {port_map.top}{parameter_map} yours (
 {("," + chr(10)).join(links)}
     );
 endmodule
@@ -148,12 +150,12 @@ class _Vhdl:
         return f"vec({name})" if width == 1 else name
 
     @staticmethod
-    def into(name, p, port):
+    def input_expression(name, p, port):
         text = f"resized({_Vhdl.vector(name, p['width'])}, {port.width}, {str(p['signed']).lower()})"
         return f"not {text}" if port.invert else text
 
     @staticmethod
-    def out_of(net, p, port):
+    def output_expression(net, p, port):
         hi, lo = (port.width - 1, 0) if port.hi is None else (port.hi, port.lo)
         bits = f"{net}({hi} downto {lo})"
         text = f"held({'not ' + bits if port.invert else bits}, {p['width']}, {str(p['signed']).lower()})"
@@ -170,12 +172,12 @@ class _Vhdl:
         return f"std_logic_vector({name}) => {net}" if is_out else f"{name} => {kind}({net})"
 
     @staticmethod
-    def generic(name, own, kind, fmt):
+    def generic_association(name, design_name, kind, fmt):
         vector = _Vhdl.vector(name, sum(fmt))
         number = "signed" if fmt and fmt[0] else "unsigned"
-        made = {"signed": f"signed({vector})", "unsigned": f"unsigned({vector})", "std_logic_vector": vector,
+        expressions = {"signed": f"signed({vector})", "unsigned": f"unsigned({vector})", "std_logic_vector": vector,
                 "integer": f"to_integer({number}({vector}))"}  # fmt: skip
-        return f"{own} => {made.get(kind, name)}"
+        return f"{design_name} => {expressions.get(kind, name)}"
 
 
 HELPERS = """    function vec(bit_in : std_logic) return std_logic_vector is
@@ -203,69 +205,74 @@ HELPERS = """    function vec(bit_in : std_logic) return std_logic_vector is
     end function;"""
 
 
-def vhdl(manifest, found):
+def vhdl(manifest, port_map):
     """The same in VHDL-2008."""
-    inputs, outputs = _design_ports(found)
-    resting = {p["name"]: p["fmt"] for p in _resting(manifest, found)}
+    inputs, outputs = _design_ports(port_map)
+    resting = {p["name"]: p["fmt"] for p in _mapped_omitted_params(manifest, port_map)}
     formats = {p["name"]: p["fmt"] for p in manifest.get("params", [])} | resting
-    given = [f"        {name} : natural" for name, _ in rtl_parameters(manifest)]
+    declarations = [f"        {name} : natural" for name, _ in rtl_parameters(manifest)]
     zero = {name: " := '0'" if sum(fmt) == 1 else " := (others => '0')" for name, fmt in resting.items()}
-    given += [f"        {name} : {_type(sum(fmt))}{zero.get(name, '')}" for name, fmt in formats.items()]
-    given += [f"        {name} : string" for name in levels.roms(manifest)]
-    head = f"    generic (\n{(';' + chr(10)).join(given)}\n    );\n" if given else ""
+    declarations += [f"        {name} : {_type(sum(fmt))}{zero.get(name, '')}" for name, fmt in formats.items()]
+    declarations += [f"        {name} : string" for name in levels.roms(manifest)]
+    head = f"    generic (\n{(';' + chr(10)).join(declarations)}\n    );\n" if declarations else ""
     ports = [
         "        clk : in std_logic",
         *(f"        {p['name']} : in {_type(p['width'])}" for p in manifest["inputs"]),
     ]
-    ports += [f"        {name} : out {_type(p['width'])}" for name, p, _ in found.outputs]
-    signals, lines, links = [], [], [f"{found.clock} => clk"]
-    if found.reset[0]:
-        lines.append(f"    d_reset <= {'' if found.reset[1] else 'not '}rst;")
-        links.append(f"{found.reset[0]} => d_reset")
+    ports += [f"        {name} : out {_type(p['width'])}" for name, p, _ in port_map.outputs]
+    signals, lines, links = [], [], [f"{port_map.clock} => clk"]
+    if port_map.reset[0]:
+        lines.append(f"    d_reset <= {'' if port_map.reset[1] else 'not '}rst;")
+        links.append(f"{port_map.reset[0]} => d_reset")
     for name, entries in inputs.items():
-        _undriven(name, entries)
-        width = _width(name, entries)
+        _check_drivers(name, entries)
+        width = _port_width(name, entries)
         signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
-        for own, p, port in entries:
+        for counterpart, p, port in entries:
             bits = "" if port.hi is None else f"({port.hi} downto {port.lo})"
-            lines.append(f"    d_{name}{bits} <= {_Vhdl.into(own, p, port)};")
+            lines.append(f"    d_{name}{bits} <= {_Vhdl.input_expression(counterpart, p, port)};")
         kind = next((port.type for *_, port in entries if port.type), "")
         sliced = any(port.hi is not None for *_, port in entries)
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, False))
-    for name, value in found.ties:
+    for name, value in port_map.ties:
         if value not in (0, 1):
             raise FileError(f"map: [ties] {name}: {value} is not 0 or 1, which a VHDL input of one bit can be")
         links.append(f"{name} => '{value}'")
     for name, entries in outputs.items():
-        width = _width(name, entries)
+        width = _port_width(name, entries)
         signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
-        lines += [f"    {own} <= {_Vhdl.out_of(f'd_{name}', p, port)};" for own, p, port in entries]
+        lines += [
+            f"    {counterpart} <= {_Vhdl.output_expression(f'd_{name}', p, port)};" for counterpart, p, port in entries
+        ]
         kind = next((port.type for *_, port in entries if port.type), "")
         sliced = any(port.hi is not None for *_, port in entries)
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, True))
-    generics = [_Vhdl.generic(name, own, kind, formats.get(name, ())) for name, own, kind in found.parameters]
-    generics += [f"{name} => {value}" for name, value in found.constants]
-    told_design = f"        generic map (\n{(',' + chr(10)).join(generics)}\n        )\n" if generics else ""
-    return f"""-- {found.top} with the names of {manifest["block"]}/{manifest["case"]}
+    generics = [
+        _Vhdl.generic_association(name, counterpart, kind, formats.get(name, ()))
+        for name, counterpart, kind in port_map.parameters
+    ]
+    generics += [f"{name} => {value}" for name, value in port_map.constants]
+    generic_map = f"        generic map (\n{(',' + chr(10)).join(generics)}\n        )\n" if generics else ""
+    return f"""-- {port_map.top} with the names of {manifest["block"]}/{manifest["case"]}
 library ieee;
 use ieee.std_logic_1164.all;
 use ieee.numeric_std.all;
-library {found.library};
+library {port_map.library};
 
-entity {name_of(manifest)} is
+entity {adapter_name(manifest)} is
 {head}    port (
 {(";" + chr(10)).join(ports)}
     );
 end entity;
 
-architecture wrap of {name_of(manifest)} is
+architecture wrap of {adapter_name(manifest)} is
     signal d_reset : std_logic;
 {chr(10).join(signals)}
 {HELPERS}
 begin
 {chr(10).join(lines)}
-    yours : entity {found.library}.{found.top}
-{told_design}        port map (
+    yours : entity {port_map.library}.{port_map.top}
+{generic_map}        port map (
 {("," + chr(10)).join(links)}
         );
 end architecture;

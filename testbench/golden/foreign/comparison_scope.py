@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.golden.foreign import lateness
+from testbench.golden.foreign import latency_effects
 from testbench.golden.stimulus import levels
 from testbench.storage.inputs import read_toml
 
@@ -23,7 +23,7 @@ SCHEMA = "gyro-latency/1.0"
 MOST_CLOCKS = 1 << 12
 
 
-class Judged(NamedTuple):
+class ComparisonScope(NamedTuple):
     """A bundle, or the part of it that a design without a reset can follow.
 
     golden   `bundles.bundle.Bundle`
@@ -50,20 +50,20 @@ def read_latency(path, manifest, level):
             raise FileError(f"{path}: key: {key!r} is not one of schema, ports")
     if not isinstance(tree.get("ports", {}), dict):
         raise FileError(f"{path}: ports: {tree['ports']!r} is not a table of port = clocks")
-    found, ports = {}, levels.compared_ports(manifest, level)
+    latencies, ports = {}, levels.compared_ports(manifest, level)
     if level == "registers" and tree.get("ports"):
         raise FileError(f"{path}: latency is of level pins or outputs: at level registers every register has its own")
     for name, clocks in tree.get("ports", {}).items():
-        fits = [own for own, p in ports if name in (own, p["name"])]
+        fits = [port for port, p in ports if name in (port, p["name"])]
         if len(fits) != 1:
             raise FileError(
                 f"{path}: [ports]: level {level} judges no port {name}; it judges {', '.join(n for n, _ in ports)}"
             )
         if type(clocks) is not int or not 0 <= clocks <= MOST_CLOCKS:
             raise FileError(f"{path}: [ports] {name}: {clocks!r} is not 0 .. {MOST_CLOCKS} clocks")
-        found[fits[0]] = clocks
-    lateness.check(path, manifest["block"], found)
-    return found
+        latencies[fits[0]] = clocks
+    latency_effects.check(path, manifest["block"], latencies)
+    return latencies
 
 
 def _free(reset):
@@ -76,7 +76,7 @@ def _free(reset):
     return int(begins[longest]), int(ends[longest])
 
 
-def judged(golden, level, style="sync", clocks=None):
+def build_scope(golden, level, style="sync", clocks=None):
     """`Judged` of a bundle that was read, at a level, for a design of this reset style and latency."""
     manifest, clocks = golden.manifest, clocks or {}
     names = [name for name, _ in levels.compared_ports(manifest, "registers")]
@@ -93,41 +93,43 @@ def judged(golden, level, style="sync", clocks=None):
         golden.stim[:, 0], reset[:] = 0, False
     else:
         care = care.copy()
-    seen = {name for name, _ in levels.compared_ports(manifest, level)}
+    level_names = {name for name, _ in levels.compared_ports(manifest, level)}
     for column, name in enumerate(names):
-        care[:, column] &= name in seen
-        _shifted(care[:, column], reset, style, clocks.get(name, 0))
-    return Judged(golden._replace(manifest=manifest), level, first, {n: k for n, k in clocks.items() if k}, care)
+        care[:, column] &= name in level_names
+        _mask_reset_rows(care[:, column], reset, style, clocks.get(name, 0))
+    return ComparisonScope(
+        golden._replace(manifest=manifest), level, first, {n: k for n, k in clocks.items() if k}, care
+    )
 
 
-def _shifted(care, reset, style, clocks):
+def _mask_reset_rows(care, reset, style, clocks):
     """Leave out the rows of a port, `clocks` late, that a reset makes those of no particular design."""
-    late = reset & ~np.r_[True, reset[:-1]] if style == "async" else np.zeros(len(reset), bool)
+    reset_starts = reset & ~np.r_[True, reset[:-1]] if style == "async" else np.zeros(len(reset), bool)
     rows = len(reset)
     for k in range(clocks):
         # row n of the model is row n + clocks of the design, which a reset at n + k has cleared or not
         care[: rows - k] &= ~reset[k:]
         care[rows - k :] = False
-    care[: rows - clocks] &= ~late[clocks:]
+    care[: rows - clocks] &= ~reset_starts[clocks:]
     care[rows - clocks :] = False
 
 
-def aligned(found, columns, port):
+def align_column(scope, columns, port):
     """Column of a port with its extra clocks taken out; rows beyond the end repeat the last."""
     column = columns
-    k = min(found.clocks.get(port, 0), len(column.values))
+    k = min(scope.clocks.get(port, 0), len(column.values))
     if not k:
         return column
     order = np.minimum(np.arange(len(column.values)) + k, len(column.values) - 1)
     return type(column)(column.values[order], column.known[order])
 
 
-def late_rows(found):
+def delayed_rows(scope):
     """(exp, mask) as the design shows them: each port `clocks` later, and no bit judged that `care` leaves out."""
-    golden, names = found.golden, [name for name, _ in levels.compared_ports(found.golden.manifest, "registers")]
-    exp, mask = golden.exp.copy(), np.where(found.care, golden.mask, 0)
+    golden, names = scope.golden, [name for name, _ in levels.compared_ports(scope.golden.manifest, "registers")]
+    exp, mask = golden.exp.copy(), np.where(scope.care, golden.mask, 0)
     for column, name in enumerate(names):
-        k = found.clocks.get(name, 0)
+        k = scope.clocks.get(name, 0)
         if k:
             exp[k:, column], exp[:k, column] = golden.exp[:-k, column], 0
             mask[k:, column], mask[:k, column] = mask[:-k, column].copy(), 0

@@ -7,14 +7,14 @@ Source  docs/campaigns.md, docs/decisions/0013-runs-side-by-side.md
 from testbench.campaign.plan.engines import Engine
 
 # of the clock on the wall, or of the configuration alone
-LEFT_OUT = ("real_time_factor", "wall_s", "paper_deg", "paper_verdict", "amplifier_use", "window_missing", "seed")
+EXCLUDED = ("real_time_factor", "wall_s", "paper_deg", "paper_verdict", "amplifier_use", "window_missing", "seed")
 
 
-def flat(summary):
+def flatten_summary(summary):
     """{name: number, text or None} of the summary of a run; nested names are joined by a dot."""
     out = {}
     for name, value in summary.items():
-        if name in LEFT_OUT:
+        if name in EXCLUDED:
             continue
         if isinstance(value, dict):
             out |= {f"{name}.{key}": item for key, item in value.items()}
@@ -25,27 +25,27 @@ def flat(summary):
     return out
 
 
-def _play(name, configs, sinks):
+def _run_configs(name, configs, sinks):
     from testbench import config
     from testbench.run import simulate
 
-    played = [config.changed(one, {"scenario.engine": name}) for one in configs]
-    return [flat(simulate.run(one, sinks=(sink,)).summary) for one, sink in zip(played, sinks)]
+    engine_configs = [config.changed(one, {"scenario.engine": name}) for one in configs]
+    return [flatten_summary(simulate.run(one, sinks=(sink,)).summary) for one, sink in zip(engine_configs, sinks)]
 
 
-def play_frame(configs, sinks):
+def run_frame_points(configs, sinks):
     """As `engines` says, by the frame engine."""
-    return _play("frame", configs, sinks)
+    return _run_configs("frame", configs, sinks)
 
 
-def play_clocked(configs, sinks):
+def run_clocked_points(configs, sinks):
     """As `engines` says, by the clocked engine."""
-    return _play("clocked", configs, sinks)
+    return _run_configs("clocked", configs, sinks)
 
 
-def play_baseband(configs, sinks):
+def run_baseband_points(configs, sinks):
     """As `engines` says, by the baseband engine; a point outside its validity fails with its ConfigError."""
-    return _play("baseband", configs, sinks)
+    return _run_configs("baseband", configs, sinks)
 
 
 def _compile():
@@ -54,8 +54,8 @@ def _compile():
     warmup.warm_up()
 
 
-MODULES = ("testbench.campaign.played", "testbench.run.simulate")
-FRAME = Engine(play_frame, 1, MODULES, _compile)
-CLOCKED = Engine(play_clocked, 1, MODULES)
-BASEBAND = Engine(play_baseband, 1, MODULES, _compile)
-LANES = FRAME._replace(twin="frame")
+MODULES = ("testbench.campaign.builtin_engines", "testbench.run.simulate")
+FRAME = Engine(run_frame_points, 1, MODULES, _compile)
+CLOCKED = Engine(run_clocked_points, 1, MODULES)
+BASEBAND = Engine(run_baseband_points, 1, MODULES, _compile)
+LANES = FRAME._replace(equivalent_to="frame")

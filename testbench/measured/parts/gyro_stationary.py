@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from scipy.special import digamma, polygamma
 
 from testbench.measured.formats import gyro_npz
-from testbench.measured.models.linear import Dense, Diagonal, floor_of
+from testbench.measured.models.linear import Dense, Diagonal, observable_rms
 from testbench.measured.models.part_problem import PartProblem
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
 
@@ -89,10 +89,10 @@ def bias_noise(steps):
     for row in steps:
         track = np.cumsum(row)
         lag = min(8, max(2, n // 4))
-        near, far = np.mean(row**2), np.mean((track[lag:] - track[:-lag]) ** 2)
-        walk = max((far - near) / (lag - 1), 0.0)
-        white = max((near - walk) / 2, 0.05 * near)
-        walk = max(near - 2 * white, 0.0)
+        step_square, lag_square = np.mean(row**2), np.mean((track[lag:] - track[:-lag]) ** 2)
+        walk = max((lag_square - step_square) / (lag - 1), 0.0)
+        white = max((step_square - walk) / 2, 0.05 * step_square)
+        walk = max(step_square - 2 * white, 0.0)
         out.append((white, walk))
     return out
 
@@ -106,7 +106,7 @@ def _base(axis, level_db, density):
     )
 
 
-def _laws(axis, density, rate_hz):
+def _axis_laws(axis, density, rate_hz):
     """Laws of one axis: vibrations on a grid of frequencies, a walk and a warm-up of the bias."""
 
     def law(name, words, unit, scale, sign, step, kind="plant"):
@@ -130,20 +130,20 @@ def _settling(name):
     ]
 
 
-class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
+class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes names"):
     """Problem of the tracing core about one record."""
 
     most_laws, heldout_independent = 6, False
 
-    def __init__(self, rest, found=()):
+    def __init__(self, record, model_laws=()):
         """found: names of laws that are part of the model."""
-        self.rest, self.found = rest, tuple(found)
-        x = rest.counts * rest.lsb_deg_per_s
+        self.record, self.model_laws = record, tuple(model_laws)
+        x = record.counts * record.lsb_deg_per_s
         samples, self.axes = x.shape
         self.names = "xyzuvw"[: self.axes]
         size = samples // CHUNKS
-        self.bins = Bins(size, rest.rate_hz)
-        self.time_s = (np.arange(CHUNKS) + 0.5) * size / rest.rate_hz
+        self.bins = Bins(size, record.rate_hz)
+        self.time_s = (np.arange(CHUNKS) + 0.5) * size / record.rate_hz
         chunks = [
             np.concatenate([self.bins.log_spectrum(x[k * size : (k + 1) * size, a]) for a in range(self.axes)])
             for k in range(CHUNKS)
@@ -151,32 +151,32 @@ class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
         per, self._cut = size // MEANS, MEANS * CHOOSE
         means = x[: per * MEANS * CHUNKS].reshape(MEANS * CHUNKS, per, self.axes).mean(axis=1).T
         steps = np.diff(means, axis=1)
-        self._mean_s = (np.arange(MEANS * CHUNKS) + 0.5) * per / rest.rate_hz
+        self._mean_s = (np.arange(MEANS * CHUNKS) + 0.5) * per / record.rate_hz
         self._data = [*chunks, steps[:, : self._cut - 1].ravel(), steps[:, self._cut :].ravel()]
         self.name = f"gyroscope at rest, {self.axes} axes"
-        self.hashes = {"file": rest.sha256}
-        self._segment(bias_noise(steps[:, : self._cut - 1]))
+        self.hashes = {"file": record.sha256}
+        self._build_segments(bias_noise(steps[:, : self._cut - 1]))
         self._build()
 
-    def _segment(self, walks):
+    def _build_segments(self, walks):
         """Segments and their noise: chunks of spectra, and the bias steps of the chosen and the judged ones."""
         n = len(self.bins.hz)
-        seen = tuple(
+        observables = tuple(
             Observable(f"spectrum {axis}", "dB", slice(a * n, (a + 1) * n)) for a, axis in enumerate(self.names)
         )
         segments, self._noise = [], []
         for k in range(CHUNKS):
             name, role = f"chunk {k + 1}", "fit" if k < CHOOSE else "validate"
-            segments.append(Segment(name, {"time_s": float(self.time_s[k])}, name, 0, role, seen))
+            segments.append(Segment(name, {"time_s": float(self.time_s[k])}, name, 0, role, observables))
             self._noise.append(LogChi2(np.tile(self.bins.dof, self.axes)))
         for steps, role in zip(self._data[CHUNKS:], ("fit", "validate")):
             m = len(steps) // self.axes
-            seen = tuple(
+            observables = tuple(
                 Observable(f"bias step {axis}", "deg/s", slice(a * m, (a + 1) * m)) for a, axis in enumerate(self.names)
             )
-            near = np.eye(m, k=1) + np.eye(m, k=-1)
-            blocks = [(2 * white + walk) * np.eye(m) - white * near for white, walk in walks]
-            segments.append(Segment(f"bias {role}", {}, f"bias {role}", 0, role, seen))
+            neighbours = np.eye(m, k=1) + np.eye(m, k=-1)
+            blocks = [(2 * white + walk) * np.eye(m) - white * neighbours for white, walk in walks]
+            segments.append(Segment(f"bias {role}", {}, f"bias {role}", 0, role, observables))
             self._noise.append(Dense(block_diag(*blocks)))
         self.segments = tuple(segments)
 
@@ -187,43 +187,45 @@ class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
             level = np.median([c[a * n : (a + 1) * n] for c in self._data[:CHUNKS]])
             density = 10 ** (level / 10)
             nuisances += _base(axis, level, density)
-            laws += _laws(axis, density, self.bins.rate_hz)
-        known = {law.name: law for law in laws}
-        self._line_at = {name: float(name.split()[-2]) for name in known if ": vibration " in name}
-        for law in (known[name] for name in self.found if name in known):
+            laws += _axis_laws(axis, density, self.bins.rate_hz)
+        base_laws = {law.name: law for law in laws}
+        self._line_at = {name: float(name.split()[-2]) for name in base_laws if ": vibration " in name}
+        for law in (base_laws[name] for name in self.model_laws if name in base_laws):
             nuisances.append(Nuisance(law.name, law.unit, 0.1 * law.scale, 3 * law.scale, law.scale * 1e-4))
             if law.name in self._line_at:
                 quality = float(np.log(Q_LOOKED_FOR))
                 nuisances.append(Nuisance(f"{law.name} frequency", "1", 0.0, 0.04, 1e-5))
                 nuisances.append(Nuisance(f"{law.name} log quality", "1", quality, 0.7, 1e-4))
                 laws += _settling(law.name)
-        settling = {law.name: law for law in laws[len(known) :]}
-        for law in (settling[name] for name in self.found if name in settling):
+        settling = {law.name: law for law in laws[len(base_laws) :]}
+        for law in (settling[name] for name in self.model_laws if name in settling):
             nuisances.append(Nuisance(law.name, law.unit, 0.0, 3 * law.scale, 1e-5))
         self.nuisances = tuple(nuisances)
-        self.laws = tuple(law for law in laws if law.name not in self.found and not self._is_a_found_line(law.name))
+        self.laws = tuple(
+            law for law in laws if law.name not in self.model_laws and not self._is_duplicate_line(law.name)
+        )
         self._index = {n.name: i for i, n in enumerate(self.nuisances)}
 
-    def _is_a_found_line(self, name):
+    def _is_duplicate_line(self, name):
         """True for a neighbour of a vibration that is part of the model: it is the same one."""
         if name not in self._line_at:
             return False
-        mine = [n for n in self.found if n in self._line_at and n.split(":")[0] == name.split(":")[0]]
+        mine = [n for n in self.model_laws if n in self._line_at and n.split(":")[0] == name.split(":")[0]]
         return any(abs(np.log(self._line_at[name] / self._line_at[n])) < 0.2 for n in mine)
 
-    def more_of(self, law):
+    def dependent_nuisances(self, law):
         """Frequency and quality of a vibration that is part of the model, and how it settles."""
         return [n.name for n in self.nuisances if law in self._line_at and n.name.startswith(f"{law} ")]
 
-    def absorbed(self, names):
+    def absorb_laws(self, names):
         return self._again(names, self._data)
 
-    def with_data(self, data):
-        return self._again(self.found, data)
+    def replace_data(self, data):
+        return self._again(self.model_laws, data)
 
-    def _again(self, found, data):
+    def _again(self, model_laws, data):
         made = copy.copy(self)
-        made.found, made._data = tuple(found), list(data)
+        made.model_laws, made._data = tuple(model_laws), list(data)
         made._build()
         return made
 
@@ -241,14 +243,14 @@ class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
             return np.log10(self.bins.hz), "log10 of the frequency (Hz)"
         return self._mean_s[self._cut + 1 :], "time (s)"
 
-    def measured(self, k):
+    def segment_features(self, k):
         return self._data[k]
 
     def _density(self, axis, values, time_s):
         hz, fs = self.bins.hz, self.bins.rate_hz
         white = 10 ** (values[f"{axis} white"] / 10)
         s = white * (1 + 2 * values[f"{axis} overlap"] * np.cos(2 * np.pi * hz / fs))
-        s = s + values[f"{axis} flicker"] / hz + self.rest.lsb_deg_per_s**2 / 12 / (fs / 2)
+        s = s + values[f"{axis} flicker"] / hz + self.record.lsb_deg_per_s**2 / 12 / (fs / 2)
         s = s + values.get(f"{axis}: walk", 0.0) / hz**2
         for name, power in values.items():
             f0 = self._line_at.get(name)
@@ -290,17 +292,17 @@ class RestProblem(PartProblem, adds="rest found bins time_s axes names"):
     def noise_draws(self, k, count, rng):
         return self._noise[k].draws(count, rng)
 
-    def floor(self, k):
-        return floor_of(self._noise[k], self.segments[k])
+    def repeatability_rms(self, k):
+        return observable_rms(self._noise[k], self.segments[k])
 
 
 def jobs(paths):
     """[(label, paths, options)]: each record by itself."""
-    return [(path.stem, [path], {}) for path in paths if gyro_npz.looks_like(path)]
+    return [(path.stem, [path], {}) for path in paths if gyro_npz.is_zero_rate_file(path)]
 
 
 def opener(paths, options):
     """`Problem` of an archive of counts at rest; None if it is none."""
-    if len(paths) != 1 or not gyro_npz.looks_like(paths[0]):
+    if len(paths) != 1 or not gyro_npz.is_zero_rate_file(paths[0]):
         return None
-    return RestProblem(gyro_npz.read(paths[0]))
+    return StationaryProblem(gyro_npz.read(paths[0]))

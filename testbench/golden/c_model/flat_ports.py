@@ -10,12 +10,12 @@ from fpga_model import block as registry
 from fpga_model import control, sine, top
 from fpga_model.fixed import formats
 from testbench.golden.bundles import top as top_bundle
-from testbench.golden.c_model.kinds import NUMBER, Known, Record, aggregate, count_of, kind_of
+from testbench.golden.c_model.kinds import NUMBER, Record, StaticValue, aggregate, infer_kind, number_count
 from testbench.golden.c_model.program import Program
 from testbench.golden.stimulus import blocks
 
 
-class Made(NamedTuple):
+class CBlock(NamedTuple):
     """A block in C: its ports, kinds of its arguments by name, and its functions."""
 
     ports: blocks.Block
@@ -26,67 +26,68 @@ class Made(NamedTuple):
     pins: list
 
 
-def _called(program, module, name, kinds):
+def _translate_function(program, module, name, kinds):
     """(names of the arguments, `Signature`) of a function of a block."""
-    names = list(inspect.signature(registry.python_of(getattr(module, name))).parameters)
+    names = list(inspect.signature(registry.python_function(getattr(module, name))).parameters)
     return names, program.function(getattr(module, name), tuple(kinds[key] for key in names))
 
 
-def _params(module, like, design):
+def _params(module, params, design):
     """[(flat name, format, value, default or None)] of parameters."""
-    if like is None:
+    if params is None:
         return []
-    shape = formats(module.Params, design, like)
-    added = registry.later(shape)
-    values = dict(registry.leaves(like))
-    return [(registry.flat(name), fmt, int(values[name]), added.get(name)) for name, fmt in registry.leaves(shape)]
+    shape = formats(module.Params, design, params)
+    added = registry.parameter_defaults(shape)
+    values = dict(registry.leaves(params))
+    return [(registry.port_name(name), fmt, int(values[name]), added.get(name)) for name, fmt in registry.leaves(shape)]
 
 
-def make(program, stem, ports, like, optional=None):
+def make(program, stem, ports, params, optional=None):
     """`Made` of a block of a firmware.
 
     like      parameters; None where it has none
     optional  registers with the optional parts that the firmware has; None: those at reset
     """
-    module = top if stem == top_bundle.STEM else registry.declared()[stem]
+    module = top if stem == top_bundle.STEM else registry.block_modules()[stem]
     d, runtime = program.design, ports.runtime_params
     state = optional or ports.state
     structure = {"rom": sine.table(d)} if module is top else registry.structure(module, d)
-    kinds = {name: Known(value) for name, value in structure.items()}
+    kinds = {name: StaticValue(value) for name, value in structure.items()}
     state_fmt = formats(module.State, d, state)
-    kinds["s"] = kind_of(state)
+    kinds["s"] = infer_kind(state)
     program.declare(kinds["s"], state_fmt)
-    if like is not None:
-        kinds["p"] = kind_of(like)
-        program.declare(kinds["p"], formats(module.Params, d, like))
+    if params is not None:
+        kinds["p"] = infer_kind(params)
+        program.declare(kinds["p"], formats(module.Params, d, params))
     shapes = {"i": formats(top.Inputs, d)} if module is top else registry.shapes(module, d)
     for name, shape in shapes.items():
-        kinds[name] = kind_of(shape)
+        kinds[name] = infer_kind(shape)
         program.declare(kinds[name], shape)
     outputs = ["pins"] if module is top else list(module.BLOCK.outputs)
-    return Made(
-        ports, [] if runtime else _params(module, like, d), {**{k: kinds[k] for k in shapes}, **kinds}, runtime,
-        _called(program, module, "step", kinds), [_called(program, module, name, kinds) for name in outputs],
+    return CBlock(
+        ports, [] if runtime else _params(module, params, d), {**{k: kinds[k] for k in shapes}, **kinds}, runtime,
+        _translate_function(program, module, "step", kinds),
+        [_translate_function(program, module, name, kinds) for name in outputs],
     )  # fmt: skip
 
 
-def of_firmware(params):
+def translate_firmware(params):
     """(Program, [Made]) of every block and of the whole design of a firmware (`top.Params`)."""
     design = params.design
     program = Program(design)
     program.table(sine.table(design), sine.__name__, "table")
     state = registry.reset(top.reset(design), params)
-    program.declare(kind_of(state), formats(top.State, design, state))
-    program.declare(kind_of(params), formats(top.Params, design, params))
-    made = []
-    for stem, found in blocks.design_blocks(design).items():
-        made.append(make(program, stem, found, next(iter(found.cases.values()))))
-    whole = top_bundle.block({"firmware": params}, design)
-    made.append(make(program, top_bundle.STEM, whole, params, state))
+    program.declare(infer_kind(state), formats(top.State, design, state))
+    program.declare(infer_kind(params), formats(top.Params, design, params))
+    c_blocks = []
+    for stem, ports in blocks.design_blocks(design).items():
+        c_blocks.append(make(program, stem, ports, next(iter(ports.cases.values()))))
+    top_ports = top_bundle.make_block({"firmware": params}, design)
+    c_blocks.append(make(program, top_bundle.STEM, top_ports, params, state))
     for name in ("amplitude", "dac_init"):
-        kinds = {"p": kind_of(params.control), "s": kind_of(state.control)}
-        _called(program, control, name, kinds)
-    return program, made
+        kinds = {"p": infer_kind(params.control), "s": infer_kind(state.control)}
+        _translate_function(program, control, name, kinds)
+    return program, c_blocks
 
 
 # ---- text ------------------------------------------------------------------------------------------------------------
@@ -101,55 +102,55 @@ def _unpacked(name, kind, row, first):
     return [], f"{row} + {first}"
 
 
-def _arguments(made, names):
+def _arguments(c_block, names):
     """(lines, texts) of the arguments of a function of a block."""
     lines, texts, first = [], {}, 0
-    for name, kind in made.kinds.items():
-        if isinstance(kind, Known):
+    for name, kind in c_block.kinds.items():
+        if isinstance(kind, StaticValue):
             continue
         row, at = ("registers", 0) if name == "s" else ("params", 0)
-        if name not in ("s", "p") or (name == "p" and made.runtime):
+        if name not in ("s", "p") or (name == "p" and c_block.runtime):
             row, at = "inputs", first
-            first += count_of(kind)
+            first += number_count(kind)
         if name in names:
             more, texts[name] = _unpacked(name, kind, row, at)
             lines += more
     return lines, [texts[name] for name in names if name in texts]
 
 
-GIVEN = "const int64_t *params, const int64_t *registers, const int64_t *inputs"
+ROW_ARGUMENTS = "const int64_t *params, const int64_t *registers, const int64_t *inputs"
 UNUSED = "    (void)params, (void)registers, (void)inputs;"
 
 
-def _step_text(made):
-    stem, kind = made.ports.stem, made.step[1].result
-    lines, texts = _arguments(made, made.step[0])
-    head = f"static void {stem}_step({GIVEN}, int64_t *next)"
-    call = f"    {made.step[1].name}({', '.join([*texts, '&after'])});"
+def _step_text(c_block):
+    stem, kind = c_block.ports.stem, c_block.step[1].result
+    lines, texts = _arguments(c_block, c_block.step[0])
+    head = f"static void {stem}_step({ROW_ARGUMENTS}, int64_t *next)"
+    call = f"    {c_block.step[1].name}({', '.join([*texts, '&after'])});"
     after = f"    {kind.c_name} after;"
     return "\n".join([f"{head} {{", *lines, after, UNUSED, call, "    memcpy(next, &after, sizeof after);", "}", ""])
 
 
-def _show_text(made):
-    stem, lines, at = made.ports.stem, [], 0
-    names = {name for used, _ in made.pins for name in used}
-    copies, _ = _arguments(made, names)
-    for k, (used, found) in enumerate(made.pins):
-        _, texts = _arguments(made, used)
-        if aggregate(found.result):
+def _show_text(c_block):
+    stem, lines, at = c_block.ports.stem, [], 0
+    names = {name for used, _ in c_block.pins for name in used}
+    copies, _ = _arguments(c_block, names)
+    for k, (used, signature) in enumerate(c_block.pins):
+        _, texts = _arguments(c_block, used)
+        if aggregate(signature.result):
             lines += [
-                f"    {found.result.c_name} shown_{k};",
-                f"    {found.name}({', '.join([*texts, f'&shown_{k}'])});",
+                f"    {signature.result.c_name} shown_{k};",
+                f"    {signature.name}({', '.join([*texts, f'&shown_{k}'])});",
             ]
             lines += [f"    memcpy(pins + {at}, &shown_{k}, sizeof shown_{k});"]
         else:
-            lines += [f"    pins[{at}] = {found.name}({', '.join(texts)});"]
-        at += count_of(found.result)
-    head = f"static void {stem}_show({GIVEN}, int64_t *pins)"
+            lines += [f"    pins[{at}] = {signature.name}({', '.join(texts)});"]
+        at += number_count(signature.result)
+    head = f"static void {stem}_show({ROW_ARGUMENTS}, int64_t *pins)"
     return "\n".join([f"{head} {{", *copies, UNUSED.replace(";", ", (void)pins;"), *lines, "}", ""])
 
 
-def _number(value):
+def _int64_literal(value):
     return f"INT64_C({value})" if value >= 0 else f"-INT64_C({-value})"
 
 
@@ -158,16 +159,17 @@ def _table(stem, what, rows):
     if not rows:
         return "", "{NULL, 0}"
     lines = [
-        f'    {{"{name}", {width}, {signed}, {later}, {_number(value)}}},' for name, width, signed, later, value in rows
+        f'    {{"{name}", {width}, {signed}, {later}, {_int64_literal(value)}}},'
+        for name, width, signed, later, value in rows
     ]
     text = "\n".join([f"static const gyro_port {stem}_{what}[] = {{", *lines, "};", ""])
     return text, f"{{{stem}_{what}, {len(rows)}}}"
 
 
-def _ports_text(made):
+def _ports_text(c_block):
     """(tables of the ports, entry of the block)."""
-    b, texts, entries = made.ports, [], []
-    params = [(n, f.width, int(f.s), int(default is not None), default or 0) for n, f, _, default in made.params]
+    b, texts, entries = c_block.ports, [], []
+    params = [(n, f.width, int(f.s), int(default is not None), default or 0) for n, f, _, default in c_block.params]
     tables = {"params": params}
     for what, ports in (("inputs", b.inputs), ("registers", b.registers), ("pins", b.pins)):
         tables[what] = [(p.name, p.width, int(p.signed), 0, p.reset or 0) for p in ports]
@@ -176,30 +178,30 @@ def _ports_text(made):
         texts.append(text)
         entries.append(entry)
     nominal = "NULL"
-    if made.params:
+    if c_block.params:
         nominal = f"{b.stem}_nominal"
-        values = ", ".join(_number(value) for _, _, value, _ in made.params)
+        values = ", ".join(_int64_literal(value) for _, _, value, _ in c_block.params)
         texts.append(f"static const int64_t {nominal}[] = {{{values}}};\n")
     entry = f'    {{"{b.stem}", {", ".join(entries)}, {nominal}, {b.stem}_step, {b.stem}_show}},'
     return "\n".join(filter(None, texts)), entry
 
 
-def _sizes(made):
+def _sizes(c_block):
     """Lines that do not compile if a struct is not as long as its row."""
-    for kind in (made.kinds["s"], made.kinds.get("p")):
+    for kind in (c_block.kinds["s"], c_block.kinds.get("p")):
         if kind is not None:
-            size = f"sizeof({kind.c_name}) == {count_of(kind)} * sizeof(int64_t)"
+            size = f"sizeof({kind.c_name}) == {number_count(kind)} * sizeof(int64_t)"
             yield f"typedef char {kind.c_name}_is_a_row[{size} ? 1 : -1];"
 
 
-def text(program, made):
+def text(program, c_blocks):
     """Text of blocks_of_design.c."""
-    lines = ['#include "blocks.h"', *(f'#include "{found.ports.stem}.h"' for found in made), ""]
+    lines = ['#include "blocks.h"', *(f'#include "{c_block.ports.stem}.h"' for c_block in c_blocks), ""]
     entries = []
-    for found in made:
-        ports, entry = _ports_text(found)
+    for c_block in c_blocks:
+        ports, entry = _ports_text(c_block)
         entries.append(entry)
-        lines += [*_sizes(found), ports, _step_text(found), _show_text(found)]
+        lines += [*_sizes(c_block), ports, _step_text(c_block), _show_text(c_block)]
     usual = type(program.design)()
     keys = [f'    {{"{name}", {value}, {getattr(usual, name)}}},' for name, value in program.design._asdict().items()]
     lines += ["const gyro_block gyro_blocks[] = {", *entries, "};", ""]

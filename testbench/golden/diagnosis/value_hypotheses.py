@@ -17,7 +17,7 @@ from testbench.golden.diagnosis.perturb import FAR, Hypothesis, with_argument
 from testbench.golden.diagnosis.perturb_arithmetic import is_flag, number
 from testbench.golden.diagnosis.perturb_control import decides, is_reset_choice
 
-BEYOND = ""  # class of what is in none
+UNCLASSIFIED = ""  # class of what is in none
 MOST_WORDS = 2  # of a table that may be wrong
 COST = 4
 FLAGS = 8  # bits up to which a word may be of flags
@@ -27,35 +27,35 @@ FEW = 40  # rows that are compared first
 def hypotheses(net, rows, target, inside, wrong):
     """Hypotheses on a target from its `wrong` rows; `inside` are the nodes of its root."""
     pattern = np.unique((target.got ^ target.sound)[wrong] & ((1 << target.fmt.width) - 1))
-    found = [h for node in inside for h in _of_node(net, rows, target, node, wrong, pattern)]
+    node_hypotheses = [h for node in inside for h in _node_hypotheses(net, rows, target, node, wrong, pattern)]
     loaded = _values(net, rows, target, wrong)
-    found += list(_of_repeated(net, target, pattern))
-    return found + [h for node in inside for h in _of_loads(net, target, node, loaded)]
+    node_hypotheses += list(_repeated_load_inversions(net, target, pattern))
+    return node_hypotheses + [h for node in inside for h in _load_replacements(net, target, node, loaded)]
 
 
 def _values(net, rows, target, wrong):
     """[(cause, node)] of what has the design's value in all wrong rows: a number, a register, an input, a parameter."""
-    got, own = target.got[wrong], net.nodes[: net.own]
-    found = [("constant", net.const(got[0]))] if np.all(got == got[0]) else []
-    for leaf in own:
-        named = leaf.op == "param" or (leaf.op in ("reg", "in") and leaf.value not in (target.name, "rst"))
-        if named and np.array_equal(target.as_held(rows.plain(leaf, wrong[:FEW])), got[:FEW]):
-            if np.array_equal(target.as_held(rows.plain(leaf, wrong) + np.zeros(len(wrong), np.int64)), got):
-                found.append(("operand", leaf))
-    return found
+    got, model_nodes = target.got[wrong], net.nodes[: net.model_size]
+    matches = [("constant", net.const(got[0]))] if np.all(got == got[0]) else []
+    for leaf in model_nodes:
+        is_operand = leaf.op == "param" or (leaf.op in ("reg", "in") and leaf.value not in (target.name, "rst"))
+        if is_operand and np.array_equal(target.wrap_to_width(rows.row_values(leaf, wrong[:FEW])), got[:FEW]):
+            if np.array_equal(target.wrap_to_width(rows.row_values(leaf, wrong) + np.zeros(len(wrong), np.int64)), got):
+                matches.append(("operand", leaf))
+    return matches
 
 
-def _of_repeated(net, target, pattern):
+def _repeated_load_inversions(net, target, pattern):
     """Inverted bits of what several branches load, in all of them."""
-    after = perturb_loads.after_of(target.root)
-    for loaded, _, _ in perturb_loads.repeated(net, target.root) if len(pattern) == 1 else ():
-        if _plain(pattern[0], target.fmt.width):
+    after = perturb_loads.unreset_value(target.root)
+    for loaded, _, _ in perturb_loads.repeated_loads(net, target.root) if len(pattern) == 1 else ():
+        if _is_single_mistake(pattern[0], target.fmt.width):
             new = net.node("xor", (loaded, net.const(pattern[0])))
             by = perturb_loads.in_all_branches(net, after, loaded, new)
             yield Hypothesis("sign", f"bits {int(pattern[0]):#x} inverted in all branches", after, by, 5)
 
 
-def _of_loads(net, target, node, loaded):
+def _load_replacements(net, target, node, loaded):
     """Another number, register or input in the place of what a branch loads: rivals of what moves or keeps a value."""
     for k, child in enumerate(node.args if not is_reset_choice(node) else ()):
         if net.loads.get((node.id, k)) == target.name and child.op != "mux":
@@ -71,21 +71,25 @@ def _renumbered(net, node, old, new):
     return net.node("mux", (node.args[0], *ways), node.value)
 
 
-def _plain(pattern, width):
+def _is_single_mistake(pattern, width):
     """Whether inverted bits are those of one mistake: one bit, all, or any in a word of flags."""
     return int(pattern).bit_count() in (1, width) or width <= FLAGS
 
 
-def _of_node(net, rows, target, node, wrong, pattern):
+def _node_hypotheses(net, rows, target, node, wrong, pattern):
     if is_reset_choice(node):
-        seen = np.unique(target.got[wrong[rows.full(node.args[0])[wrong] != 0]])
-        if len(seen) == 1:
-            value = net.const(seen[0])
+        reset_values = np.unique(target.got[wrong[rows.node_column(node.args[0])[wrong] != 0]])
+        if len(reset_values) == 1:
+            value = net.const(reset_values[0])
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(net, node, 1, value), 0)
             everywhere = _renumbered(net, node, node.args[1], value)
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r} wherever it is cleared", node, everywhere, 0)
     for k, child in enumerate(node.args):
-        if net.loads.get((node.id, k)) == target.name and len(pattern) == 1 and _plain(pattern[0], target.fmt.width):
+        if (
+            net.loads.get((node.id, k)) == target.name
+            and len(pattern) == 1
+            and _is_single_mistake(pattern[0], target.fmt.width)
+        ):
             by = with_argument(net, node, k, net.node("xor", (child, net.const(pattern[0]))))
             yield Hypothesis("sign", f"bits {int(pattern[0]):#x} inverted", node, by, 5)
     if node.op == "clamp":
@@ -94,34 +98,34 @@ def _of_node(net, rows, target, node, wrong, pattern):
                 by = with_argument(net, node, k, net.const(value))
                 yield Hypothesis("limit", f"{name} is {value}", node, by, COST)
     if node.op == "table":
-        places = np.unique(np.clip(rows.full(node.args[0])[wrong], 0, len(node.value) - 1))
-        for place in places if len(places) <= MOST_WORDS else ():
+        addresses = np.unique(np.clip(rows.node_column(node.args[0])[wrong], 0, len(node.value) - 1))
+        for address in addresses if len(addresses) <= MOST_WORDS else ():
             for bit in range(int(max(node.value)).bit_length()):
                 for step in (1 << bit, -(1 << bit)):
                     words = list(node.value)
-                    words[place] += step
+                    words[address] += step
                     by = net.node("table", node.args, tuple(words))
-                    yield Hypothesis("constant", f"word {place} {step:+d}", node, by, COST)
+                    yield Hypothesis("constant", f"word {address} {step:+d}", node, by, COST)
 
 
-def beyond(net, target, inside):
+def unclassified_hypotheses(net, target, inside):
     """Hypotheses of mistakes in no class at the nodes inside of a target: never named, they make a name uncertain."""
     for node in inside:
-        for what, by in _without_class(net, node):
+        for what, by in _unclassified_nodes(net, node):
             if by is not node:
-                yield Hypothesis(BEYOND, what, node, by, FAR)
-    after = perturb_loads.after_of(target.root)
-    for loaded, _, _ in perturb_loads.repeated(net, target.root):
-        for what, new in _loaded_otherwise(net, loaded, target.name):
+                yield Hypothesis(UNCLASSIFIED, what, node, by, FAR)
+    after = perturb_loads.unreset_value(target.root)
+    for loaded, _, _ in perturb_loads.repeated_loads(net, target.root):
+        for what, new in _unclassified_loads(net, loaded, target.name):
             by = perturb_loads.in_all_branches(net, after, loaded, new)
-            yield Hypothesis(BEYOND, f"{what} in all branches", after, by, FAR)
+            yield Hypothesis(UNCLASSIFIED, f"{what} in all branches", after, by, FAR)
 
 
 HALVES = (8, 16, 17, 18)  # bits of the factors of partial products
 LEAKS = range(1, 11)
 
 
-def _without_class(net, node):
+def _unclassified_nodes(net, node):
     op, a = node.op, node.args
     zero, one = net.const(0), net.const(1)
     if op in ("add", "sub", "mul"):
@@ -145,11 +149,11 @@ def _without_class(net, node):
         for more in (2, 3, 4, -2, -3, -4):
             yield f"{more:+d} bits", net.node(op, (a[0], net.node("add", (a[1], net.const(more)))))
     if op in ("shl", "shr", "mul", *ROUNDINGS):
-        for k, sum_of in enumerate(a[:2]):
-            if sum_of.op in ("add", "sub"):
+        for k, operand in enumerate(a[:2]):
+            if operand.op in ("add", "sub"):
                 for j in (0, 1):
-                    part = with_argument(net, node, k, sum_of.args[j])
-                    yield f"{op} before {sum_of.op}", with_argument(net, sum_of, j, part)
+                    part = with_argument(net, node, k, operand.args[j])
+                    yield f"{op} before {operand.op}", with_argument(net, operand, j, part)
     if op in ROUNDINGS:
         half = net.node("shr", (net.node("shl", (one, a[1])), one))
         yield "the rounding constant shifted as well", net.node("add", (a[0], net.node("shr", (half, a[1]))))
@@ -163,11 +167,11 @@ def _without_class(net, node):
         yield "both branches and-ed", net.node("and", a[1:])
     for k, child in enumerate(a):
         if (node.id, k) in net.loads and child.op not in ("const", "mux"):
-            for what, new in _loaded_otherwise(net, child, net.loads[node.id, k]):
+            for what, new in _unclassified_loads(net, child, net.loads[node.id, k]):
                 yield what, with_argument(net, node, k, new)
 
 
-def _loaded_otherwise(net, x, name):
+def _unclassified_loads(net, x, name):
     one = net.const(1)
     if name in net.reset:
         old = net.node("reg", (), name)
@@ -178,14 +182,14 @@ def _loaded_otherwise(net, x, name):
             yield f"{x!r} {op} the old value", net.node(op, (x, old))
         yield f"{x!r} from the old value", net.node("sub", (old, x))
         yield f"the old value from {x!r}", net.node("sub", (x, old))
-        above = net.node("gt", (x, old))
-        yield f"the larger of {x!r} and the old value", net.node("mux", (above, x, old))
-        yield f"the smaller of {x!r} and the old value", net.node("mux", (above, old, x))
+        is_greater = net.node("gt", (x, old))
+        yield f"the larger of {x!r} and the old value", net.node("mux", (is_greater, x, old))
+        yield f"the smaller of {x!r} and the old value", net.node("mux", (is_greater, old, x))
         for k in LEAKS:
             yield f"{x!r} with a leak", net.node("sub", (x, net.node("shr", (old, net.const(k)))))
-    late = net.late(x)
-    yield f"difference of {x!r}", net.node("sub", (x, late))
-    yield f"mean of {x!r} and the value before", net.node("shr", (net.node("add", (x, late)), one))
+    delayed = net.delayed_node(x)
+    yield f"difference of {x!r}", net.node("sub", (x, delayed))
+    yield f"mean of {x!r} and the value before", net.node("shr", (net.node("add", (x, delayed)), one))
     for k in (1, 2, 3, 4, 5, 6, 7, 8):
         part = net.node("shr", (x, net.const(k)))
         yield f"{x!r} and 1/{1 << k} of it", net.node("add", (x, part))
@@ -196,58 +200,64 @@ def _loaded_otherwise(net, x, name):
         yield f"{x!r} shifted by {k}", net.node("shl", (x, net.const(k)))
     width = net.fmts[name].width
     if width <= 62:
-        places = list(range(width))
+        bits = list(range(width))
         for k in range(1, width if width <= 16 else 9):
-            yield f"{x!r} rotated by {k}", net.node("moved", (x,), tuple(places[k:] + places[:k]))
-            yield f"{x!r} rotated by -{k}", net.node("moved", (x,), tuple(places[-k:] + places[:-k]))
+            yield f"{x!r} rotated by {k}", net.node("moved", (x,), tuple(bits[k:] + bits[:k]))
+            yield f"{x!r} rotated by -{k}", net.node("moved", (x,), tuple(bits[-k:] + bits[:-k]))
     if net.fmts[name].s:
         top = net.const(1 << (width - 1))
-        below = net.node("lt", (x, net.const(0)))
-        yield f"{x!r} as sign and magnitude", net.node("mux", (below, net.node("sub", (top, x)), x))
-        yield f"{x!r}, at least 0", net.node("mux", (below, net.const(0), x))
+        is_negative = net.node("lt", (x, net.const(0)))
+        yield f"{x!r} as sign and magnitude", net.node("mux", (is_negative, net.node("sub", (top, x)), x))
+        yield f"{x!r}, at least 0", net.node("mux", (is_negative, net.const(0), x))
         yield f"amount of {x!r}", net.node("abs", (x,))
         yield f"minus the amount of {x!r}", net.node("neg", (net.node("abs", (x,)),))
 
 
-LAST = FAR - 1  # cost
-NEAR = 3  # bits by which the widths of two words may differ
+FALLBACK_COST = FAR - 1  # cost
+MOST_WIDTH_DIFFERENCE = 3  # bits by which the widths of two words may differ
 MOST_ENABLES = 24
 MOST = 3000
 READ = ("add", "sub", "mul", "neg", "abs", "shl", "shr", "clamp", "wrap", "wrapu", "mux", *ROUNDINGS, *COMPARED)
 
 
-def of_operands(search, target, inside, wrong):
+def operand_hypotheses(search, target, inside, wrong):
     """Another word, or a word of another load or of clocks before, in the place of each operand."""
     net, count = search.net, 0
-    words = [n for n in net.nodes[: net.own] if n.op not in ("const", "param", "next", "pin") and number(n)]
-    taken = {flag.id: flag for ways in net.taken.values() for flag in ways if flag.op != "const"}
-    enables = list(taken.values())[:MOST_ENABLES]
+    words = [n for n in net.nodes[: net.model_size] if n.op not in ("const", "param", "next", "pin") and number(n)]
+    load_flags = {flag.id: flag for ways in net.load_conditions.values() for flag in ways if flag.op != "const"}
+    enables = list(load_flags.values())[:MOST_ENABLES]
     for node in inside:
         for k, child in enumerate(node.args) if node.op in READ else ():
             if child.op in ("const", "param") or decides(node, k) or is_flag(child) or count > MOST:
                 continue
-            late = net.late(child)
-            put = [("late", f"{child!r} by {n} clocks", late := net.late(late)) for n in (2, 3, 4)]
-            put += [("late", f"{child!r} of the last {flag!r}", net.held(flag, child, 0)) for flag in enables]
-            put += [
+            delayed = net.delayed_node(child)
+            replacements = [
+                ("late", f"{child!r} by {n} clocks", delayed := net.delayed_node(delayed)) for n in (2, 3, 4)
+            ]
+            replacements += [
+                ("late", f"{child!r} of the last {flag!r}", net.enabled_register(flag, child, 0)) for flag in enables
+            ]
+            replacements += [
                 ("operand", f"{other!r} in the place of {child!r}", other)
                 for other in words
-                if other is not child and abs(net.width_of(other) - net.width_of(child)) <= NEAR
+                if other is not child and abs(net.node_width(other) - net.node_width(child)) <= MOST_WIDTH_DIFFERENCE
             ]
-            count += len(put)
-            for cause, what, new in put:
-                yield Hypothesis(cause, what, node, with_argument(net, node, k, new), LAST, True)
+            count += len(replacements)
+            for cause, what, new in replacements:
+                yield Hypothesis(cause, what, node, with_argument(net, node, k, new), FALLBACK_COST, True)
 
 
-def of_any_rounding(search, target, inside, wrong):
+def free_rounding_hypotheses(search, target, inside, wrong):
     """A rounded value that is one of the two nearest, in each row that of the design."""
     net = search.net
     for node in inside:
         if node.op in ROUNDINGS:
             ways = [net.node(rule, node.args) for rule in ("floor", "ceil")]
-            floor, ceil = (search.changed(target, ((node, way),), slice(None)) for way in ways)
+            floor, ceil = (search.faulty_values(target, ((node, way),), slice(None)) for way in ways)
             differ = floor != ceil
-            if np.all((floor == target.got) | (ceil == target.got) | ~target.judged) and differ[wrong].all():
-                flag = search.free(target, node, np.where(differ, ceil == target.got, search.rows.full(node) != floor))
+            if np.all((floor == target.got) | (ceil == target.got) | ~target.compared_rows) and differ[wrong].all():
+                flag = search.free(
+                    target, node, np.where(differ, ceil == target.got, search.rows.node_column(node) != floor)
+                )
                 by = net.node("mux", (flag, ways[1], ways[0]))
-                yield Hypothesis("rounding", f"another rule for {node!r}", node, by, LAST, True)
+                yield Hypothesis("rounding", f"another rule for {node!r}", node, by, FALLBACK_COST, True)

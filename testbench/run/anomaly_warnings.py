@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from fpga_model import sequencer
-from testbench.run import resting
+from testbench.run import repeated_code_probability
 from testbench.run.simulation import FRAME
 
 CODES = ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")
@@ -46,7 +46,7 @@ OF_BLOCKS = f"blocks of {BLOCK_FRAMES} frames"
 QUARTER = 4
 
 
-class Doubts:
+class AnomalyDetector:
     """A sink of rows: longest runs of equal codes, blocks in which codes jump, and sums of blocks.
 
     pace  how many times longer than the default's loops these take to settle
@@ -76,7 +76,7 @@ class Doubts:
             return
         locked = frames[:, FRAME["state"]] == sequencer.LOCKED
         codes = frames[:, COLUMNS].T.astype(np.int32)
-        self._rest(codes, locked)
+        self._count_repeats(codes, locked)
         after = _in_a_row(locked, self.locked)
         self.locked = int(after[-1])
         after = slice(None) if after[0] > self.settle and locked.all() else after > self.settle
@@ -91,7 +91,7 @@ class Doubts:
             if self.count == self.length:
                 self._block()
 
-    def _rest(self, codes, locked):
+    def _count_repeats(self, codes, locked):
         """Longest runs of frames that repeat a code while locked."""
         same = np.diff(codes, axis=1, prepend=self.last[:, None]) == 0
         runs = _in_a_row(same & locked, self.runs[:, None])
@@ -104,12 +104,12 @@ class Doubts:
         blocks = max(0, codes.shape[1] - 2 * RING_FRAMES) // BLOCK_FRAMES
         self.recent = codes[:, blocks * BLOCK_FRAMES :].copy()
         codes = codes[:, : blocks * BLOCK_FRAMES + 2 * RING_FRAMES]
-        near = _bends(codes[:, RING_FRAMES - 1 : codes.shape[1] - RING_FRAMES + 1], 1)
-        middle = np.partition(near, BLOCK_FRAMES // 2)[..., BLOCK_FRAMES // 2]
+        short_bends = _bends(codes[:, RING_FRAMES - 1 : codes.shape[1] - RING_FRAMES + 1], 1)
+        middle = np.partition(short_bends, BLOCK_FRAMES // 2)[..., BLOCK_FRAMES // 2]
         limits = SIGMAS * np.maximum(middle / MEDIAN_SIGMAS, self.least)
-        self.jumps += (near.max(axis=-1) > limits).sum(axis=1)
-        far = _bends(codes[SENSE], RING_FRAMES).max(axis=-1)
-        self.rings += int(((far > limits[SENSE]) & (ALIKE * far > far[::-1])).all(axis=0).sum())
+        self.jumps += (short_bends.max(axis=-1) > limits).sum(axis=1)
+        ring_bends = _bends(codes[SENSE], RING_FRAMES).max(axis=-1)
+        self.rings += int(((ring_bends > limits[SENSE]) & (ALIKE * ring_bends > ring_bends[::-1])).all(axis=0).sum())
 
     def _block(self):
         self.means = np.concatenate([self.means, self.sums[None] / self.count])
@@ -127,21 +127,21 @@ class Doubts:
 
     def warnings(self, config):
         """Sentences, one for each doubt."""
-        wanted = config.scenario
-        profiles = any(isinstance(v, (list, tuple)) for v in (wanted.rate_dps, wanted.temperature_degc))
+        scenario = config.scenario
+        profiles = any(isinstance(v, (list, tuple)) for v in (scenario.rate_dps, scenario.temperature_degc))
         steady = () if profiles or config.plant.self_heating_k else (*self._rang(), *self._not_null(), *self._drifted())
-        return (*self._repeated(config), *self._jumped(wanted), *steady)
+        return (*self._repeated(config), *self._jumped(scenario), *steady)
 
     def _repeated(self, config):
         if config.firmware.board != "analog_sid" or not self.frames:
             return
         frame_ms = 1e3 / config.design_record().frame_hz
-        for name, p, longest in zip(CODES, resting.adc_repeats(config), self.longest.tolist()):
+        for name, p, longest in zip(CODES, repeated_code_probability.adc_repeats(config), self.longest.tolist()):
             if p**longest * self.frames < REPEATED:
                 yield f"{name} repeated one code for {longest + 1} frames ({longest * frame_ms:.3g} ms): frozen?"
 
-    def _jumped(self, wanted):
-        explained = OFTEN * (len(wanted.register_writes) + _rate_jumps(wanted))
+    def _jumped(self, scenario):
+        explained = OFTEN * (len(scenario.register_writes) + _rate_jumps(scenario))
         for name, blocks in zip(CODES, self.jumps.tolist()):
             if blocks >= OFTEN + explained:
                 yield f"{name} jumps by more than {SIGMAS:g} times its scatter in {blocks} {OF_BLOCKS}: spikes?"
@@ -178,17 +178,17 @@ def _bends(codes, lag):
     return bends.reshape(len(codes), -1, BLOCK_FRAMES)
 
 
-def _rate_jumps(wanted):
+def _rate_jumps(scenario):
     """How often the scenario's rate changes by more than JUMP_DPS within JUMP_S."""
-    if not isinstance(wanted.rate_dps, (list, tuple)):
+    if not isinstance(scenario.rate_dps, (list, tuple)):
         return 0
-    times, rates = np.array(wanted.rate_dps, float).T
-    part = np.minimum(JUMP_S / np.maximum(np.diff(times), JUMP_S), 1.0) if wanted.rate_shape == "linear" else 1.0
+    times, rates = np.array(scenario.rate_dps, float).T
+    part = np.minimum(JUMP_S / np.maximum(np.diff(times), JUMP_S), 1.0) if scenario.rate_shape == "linear" else 1.0
     return int(np.count_nonzero(np.abs(np.diff(rates)) * part > JUMP_DPS))
 
 
 def _in_a_row(flags, before):
     """Number of True up to each place, in a row, continuing `before` of them; each row for itself."""
-    places = np.arange(1, flags.shape[-1] + 1)
-    last_false = np.maximum.accumulate(np.where(flags, 0, places), axis=-1)
-    return np.where(last_false == 0, places + before, places - last_false)
+    positions = np.arange(1, flags.shape[-1] + 1)
+    last_false = np.maximum.accumulate(np.where(flags, 0, positions), axis=-1)
+    return np.where(last_false == 0, positions + before, positions - last_false)

@@ -6,14 +6,14 @@ Source    docs/measured.md
 from fpga_model.rates import MASTER_HZ, TICK_CYCLES
 from testbench import config as configuration
 
-EVEN_S = (TICK_CYCLES + 1) / 2 / MASTER_HZ  # 1 .. 26 clocks of waiting (fpga_model/references.py)
-HELD_HZ = 1e-3  # of the drive frequency
+RETIMING_DELAY_S = (TICK_CYCLES + 1) / 2 / MASTER_HZ  # 1 .. 26 clocks of waiting (fpga_model/references.py)
+FREQUENCY_TOLERANCE_HZ = 1e-3  # of the drive frequency
 AIM = 300.0  # sigmas by which a step moves all features together
 
 
-def even(config):
+def use_uniform_references(config):
     """A configuration whose references leave evenly, at the same mean phase."""
     if not config.firmware.reference_retimed:
         return config
-    late = {"firmware.reference_retimed": False, "plant.sid_switch_s": config.plant.sid_switch_s + EVEN_S}
-    return configuration.changed(config, late)
+    changes = {"firmware.reference_retimed": False, "plant.sid_switch_s": config.plant.sid_switch_s + RETIMING_DELAY_S}
+    return configuration.changed(config, changes)
