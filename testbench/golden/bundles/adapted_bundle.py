@@ -24,7 +24,8 @@ def _texts(folder, manifest, level):
     """{path: text} of the bundle's benches and scripts for a wrapped design."""
     block, rows = manifest["block"], manifest["n"]
     names = [*COPIED_FILES, "check.sh", f"tb_{block}.v", f"tb_{block}.vhd", f"tb_{block}_vunit.vhd",
-             f"cocotb_{block}.v", f"test_{block}.py", *(n for n in manifest["sha256"] if n.startswith("rom/"))]  # fmt: skip
+             f"cocotb_{block}.v",
+             f"test_{block}.py", *(n for n in manifest["sha256"] if n.startswith("rom/"))]  # fmt: skip
     texts = {}
     for name in names:
         text = (folder / name).read_text()

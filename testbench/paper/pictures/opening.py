@@ -94,7 +94,8 @@ def cases(points, names, printed, title, caption, file):
     for axis, (name, sigma, label) in zip(axes.ravel(), QUANTITIES):
         for k, case in enumerate(names):
             case_points = [(t, points[case, t]) for t in temps if points.get((case, t), {}).get(name) is not None]
-            draw.draw_marks(axis, [t for t, _ in case_points], [p[name] for _, p in case_points],
+            draw.draw_marks(axis, [t for t, _ in case_points],
+                        [p[name] for _, p in case_points],
                         [p.get(sigma) for _, p in case_points], f"case {case}", draw.mark_shift_pt(k, len(names)), **draw.case_style(case))  # fmt: skip
         paper_values = printed.get(name)
         if paper_values:
