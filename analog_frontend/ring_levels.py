@@ -32,23 +32,22 @@ def delay_s(device, channel, temp_degc, amplitude_m=0.0):
 
 
 def amplitude_m(device, temp_degc, demodulated_v):
-    """Drive amplitude (m) at which the demodulator sees a sine of `seen_v` behind the ring. ValueError: none does."""
+    """Drive amplitude (m) at which the demodulator sees a sine of `demodulated_v` behind the ring; ValueError."""
     return _amplitude_f(ring_tables.circuit(device, "drive", temp_degc), demodulated_v) / abs(device.dcdx_f_per_m)
 
 
 @functools.lru_cache(maxsize=256)
 def _amplitude_f(circuit, demodulated_v):
-    def demodulated_volts(dc_f):
+    def volts(dc_f):
         return ring_cycle.large(circuit, dc_f).seen_v_per_f * dc_f
 
     low_f, high_f = SMALL_F, NEAR_C0 * circuit.c0_f
-    if demodulated_volts(high_f) < demodulated_v:
+    if volts(high_f) < demodulated_v:
         raise ValueError(
             f"plant.ring_saturation_on = 1: the set-point is {demodulated_v:g} V behind the ring, which gives "
-            f"{demodulated_volts(high_f):g} V at most: lower firmware.amplitude_um or plant.dcdx_f_per_m, or "
-            "raise plant.carrier_v"
+            f"{volts(high_f):g} V at most: lower firmware.amplitude_um or plant.dcdx_f_per_m, or raise plant.carrier_v"
         )
     for _ in range(ROUNDS):
         middle_f = (low_f + high_f) / 2
-        low_f, high_f = (middle_f, high_f) if demodulated_volts(middle_f) < demodulated_v else (low_f, middle_f)
+        low_f, high_f = (middle_f, high_f) if volts(middle_f) < demodulated_v else (low_f, middle_f)
     return (low_f + high_f) / 2

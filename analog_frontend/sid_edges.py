@@ -1,8 +1,8 @@
 """The demodulators of a block: stretches without a reference edge, and the ticks in which a switch moves.
 
     edge at clock c --> switch_tau_s[level, c] + jitter --> instant in its tick, or in the next one (switch_carry)
-A tick without an edge is one step of the capacitors (`sid.between`, `sid.full`), one with edges is pieces (`sid.edge`).
-`p` and `s` are `Params` and `State` of the plant.
+A tick without an edge is one step of the capacitors (`sid.between`, `sid.follow_tick`), one with edges is pieces
+(`sid.edge`). `p` and `s` are `Params` and `State` of the plant.
 Source    docs/parts/sid.md, docs/parts/top.md
 """
 
@@ -103,7 +103,7 @@ def acting(p, tick, t, d, ref, first, last, edges, pending_tau_s, pending_count,
     p            Switches
     ref          where the switches stand at the tick's begin
     first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
-    `late_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `late_tau_s`
+    `pending_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `pending_tau_s`
     """
     count, deferred = pending_count, 0
     for k in range(count):

@@ -1,7 +1,7 @@
-"""The plant as units of machine code: `top.retune`, `top.step` and `top.block`.
+"""The plant as units of machine code: `top.retune`, `top.step` and `top.advance_ticks`.
 
-Apart from the firmware, so that an edit of a block leaves them compiled. The fast engines include `top.block` instead:
-for them the call would be a few per cent.
+Apart from the firmware, so that an edit of a block leaves them compiled. The fast engines include `top.advance_ticks`
+instead: for them the call would be a few per cent.
 Source  docs/decisions/0015-compile-units.md
 """
 
@@ -23,7 +23,7 @@ def step(p, a, tick, pins, edges):
 
 @unit
 def advance_ticks(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges):
-    """`plant.block`, in place."""
+    """`plant.advance_ticks`, in place."""
     plant.advance_ticks(p, a, tick, n, drive_cycle, sense_cycle, edge_count, edges)
 
 

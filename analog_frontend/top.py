@@ -321,7 +321,7 @@ def _dac(s, w, which, part, levels, carry, codes, n, rows):
 
 @outlined
 def _foreign(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
-    """`block` of the plant behind the port; of its motion every row shows what it is at the end. Mutates `s`."""
+    """`advance_ticks` of the plant behind the port; each row of its motion shows what it is at the end. Mutates `s`."""
     port, w, now = p.port, s.work.w, s.now
     port.pins[foreign.QUADRATURE_CODE] = int(now[NOW_STIFFNESS])
     fell = foreign.run_library(
@@ -408,13 +408,8 @@ def advance_ticks(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
 @outlined
 def sar_code(p, s, tick, channel):
     """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
-    noise_x, noise_y = effects.cv_volts(
-        p.effects,
-        noise.hold_sample(p.noise.cv_x, tick),
-        noise.hold_sample(p.noise.cv_y, tick),
-        s.z[V_DRIVE],
-        s.z[V_DRIVE],
-    )
+    noise_x, noise_y = noise.hold_sample(p.noise.cv_x, tick), noise.hold_sample(p.noise.cv_y, tick)
+    noise_x, noise_y = effects.cv_volts(p.effects, noise_x, noise_y, s.z[V_DRIVE], s.z[V_DRIVE])
     return quantize_sample(p, s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y)
 
 

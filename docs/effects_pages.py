@@ -73,11 +73,8 @@ def measure_table(names, bench=None):
             temp = 45.0 if name == "pickoff_drift" else 25.0
             on = config.changed(base, {f"effects.{name}": effect.EXAMPLE})
             # slips of re-timed edges are other ones with an effect: several ppm in one dwell
-            jobs += [
-                (name, Run(Model(use_uniform_references(c)), k, SEED, base, smooth=True))
-                for c in (base, on)
-                for k in conditions(temp)
-            ]
+            models = [Model(use_uniform_references(c)) for c in (base, on)]
+            jobs += [(name, Run(m, k, SEED, base, smooth=True)) for m in models for k in conditions(temp)]
     found = bench.run([run for _, run in jobs], FAST)
     for i in range(0, len(jobs), 4):
         four = [read(f, run.condition) for f, (_, run) in zip(found[i : i + 4], jobs[i : i + 4])]

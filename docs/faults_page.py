@@ -21,8 +21,9 @@ from fpga_model.rates import FRAME_HZ, TICK_HZ  # noqa: E402
 from testbench.config import Config, changed  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
 from testbench.console.table import Table  # noqa: E402
-from testbench.run import repeated_code_probability, simulate  # noqa: E402
+from testbench.run import simulate  # noqa: E402
 from testbench.run.anomaly_warnings import AnomalyDetector  # noqa: E402
+from testbench.run.repeated_code_probability import adc_alarm, sar_alarm  # noqa: E402
 from testbench.run.simulation import DEG, FRAME, Simulation  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 from tests.testbench.run import fault_table  # noqa: E402
@@ -90,11 +91,7 @@ def hours_part(hours):
     for board in (fault_table.ANALOG, fault_table.DIGITAL):
         alarms, warnings = quiet_hours(board, hours)
         config = changed(Config(), {"firmware.board": board})
-        chance = (
-            repeated_code_probability.adc_alarm(config)
-            if board == fault_table.ANALOG
-            else repeated_code_probability.sar_alarm(config)
-        )
+        chance = adc_alarm(config) if board == fault_table.ANALOG else sar_alarm(config)
         expected = chance * hours * 3600 * FRAME_HZ
         raised = ", ".join(name for k, name in enumerate(fault_monitor.NAMES) if alarms.flags >> k & 1) or "none"
         counts = f"{hours:g}", str(alarms.frames), str(alarms.flagged), raised, str(alarms.bad), str(len(warnings))

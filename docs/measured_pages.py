@@ -36,9 +36,7 @@ def summary(data):
                 "effects": [{k: _short(e[k]) for k in EFFECT if k in e} for e in job["effects"]],
                 "heldout": {p: {k: _short(h[k]) for k in HELD if k in h} for p, h in job["heldout"].items()},
                 "rest": {
-                    part: residual_words(job, part)
-                    for part, h in job["heldout"].items()
-                    if is_unexplained(h) or _tested(job)
+                    p: residual_words(job, p) for p, h in job["heldout"].items() if is_unexplained(h) or _tested(job)
                 },
             }
             for job in found["jobs"]

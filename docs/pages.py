@@ -128,15 +128,8 @@ def rivals_part():
         planned = budget.budget(config.changed(Config(), values))
         deg = planned.node_deg()
         gaps_ns = [(deg[n] - PAPER_DEG[n]) / 360 / planned.frequency_hz * 1e9 for n in ("xe1", "ye1")]
-        rows.append(
-            (
-                text,
-                fixed_digits(deg["xe1"], 4),
-                f"{gaps_ns[0]:+.0f} ns",
-                fixed_digits(deg["ye1"], 4),
-                f"{gaps_ns[1]:+.0f} ns",
-            )
-        )
+        xe1, ye1 = fixed_digits(deg["xe1"], 4), fixed_digits(deg["ye1"], 4)
+        rows.append((text, xe1, f"{gaps_ns[0]:+.0f} ns", ye1, f"{gaps_ns[1]:+.0f} ns"))
     rows.append(("the paper", fixed_digits(PAPER_DEG["xe1"], 4), "", fixed_digits(PAPER_DEG["ye1"], 4), ""))
     heads = ("hardware", "xe1 deg", "less paper", "ye1 deg", "less paper")
     return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{tables.FITTED}"

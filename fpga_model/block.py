@@ -147,12 +147,10 @@ def flattened_parameters(params, shape):
     return [(name, int(v), formats_of[name]) for name, v in leaves(params) if defaults.get(name) != v]
 
 
-def required_parameters(shape, present_keys):
-    """[(flat name, format)] of what a file must name: what it has `given`, and all but what came later."""
+def required_parameters(shape, present):
+    """[(flat name, format)] of what a file must name: what is `present` in it, and all but what came later."""
     added = parameter_defaults(shape)
-    return [
-        (port_name(name), fmt) for name, fmt in leaves(shape) if port_name(name) in present_keys or name not in added
-    ]
+    return [(port_name(name), fmt) for name, fmt in leaves(shape) if port_name(name) in present or name not in added]
 
 
 def raws(shape, raw_values):

@@ -33,7 +33,7 @@ def _digest_code(code):
 
 
 def _values(path, value, names):
-    """(place, value) behind a name; behind that of a module of ours, what of it has one of the other names."""
+    """(path, value) behind a name; behind that of a module of ours, what of it has one of the other names."""
     if not isinstance(value, ModuleType):
         yield path, value
     elif value.__name__.partition(".")[0] not in LIBRARIES:
@@ -42,7 +42,7 @@ def _values(path, value, names):
 
 
 def _bound(function):
-    """[(place, value)] of all that the code of a function names."""
+    """[(path, value)] of all that the code of a function names."""
     names, known = _digest_code(function.__code__)[1], function.__globals__
     found = [("", cell.cell_contents) for cell in function.__closure__ or ()]
     for name in sorted(names & known.keys()):

@@ -4,8 +4,8 @@
 
 Raw values are int64. Formats are data: `mul_fmt` and `add_fmt` hold every result exactly, and a block asserts at
 import that its widest intermediate stays within 63 bits, so that no kernel can overflow silently. A format may depend
-on the design record: its widths are ints of the default design that remember their rule, and `Fmt.at(design)` has
-those of another one. Sums, differences and `most` of widths keep the rule; any other operation gives a plain int.
+on the design record: its widths are ints of the default design that remember their rule, and `Fmt.for_design` has those
+of another one. Sums, differences and `most` of widths keep the rule; any other operation gives a plain int.
 
 Rounding  `n` LSBs are dropped, 0 <= n <= 62; the names say what happens to ties (`half_*`) or to everything else
 Overflow  `clamp` saturates, `wrap` keeps the low bits (two's complement), `wrap_unsigned` for phase-like words
@@ -35,8 +35,8 @@ class Term(NamedTuple):
 class Width(int):
     """A number of bits that the design decides: a constant and terms {Term: how often}.
 
-    at(design)  the number at that design
-    text        the expression that gives it in the RTL
+    for_design(design)  the number at that design
+    text                the expression that gives it in the RTL
     """
 
     def __new__(cls, constant, terms):
@@ -84,9 +84,8 @@ def most(*numbers):
     """The largest of some widths."""
     if any(isinstance(n, Width) for n in numbers):
         text = ", ".join(n.text if isinstance(n, Width) else str(n) for n in numbers)
-        return Width(
-            0, {Term(f"max({text})", max(map(int, numbers)), lambda d: max(design_width(n, d) for n in numbers)): 1}
-        )
+        term = Term(f"max({text})", max(map(int, numbers)), lambda d: max(design_width(n, d) for n in numbers))
+        return Width(0, {term: 1})
     return max(numbers)
 
 
@@ -120,19 +119,17 @@ class Fmt(NamedTuple):
 
     def for_design(self, design):
         """The format at a design, in plain ints; None for the default one, `RULES` for widths that know their rule."""
-        return (
-            self
-            if design is RULES
-            else Fmt(*(int(bits) if design is None else design_width(bits, design) for bits in self))
-        )
+        if design is RULES:
+            return self
+        return Fmt(*(int(bits) if design is None else design_width(bits, design) for bits in self))
 
 
 def formats(record, design=None, template=None):
     """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple.
 
-    A part `Record | None` is None, unless a record `like` has it.
+    A part `Record | None` is None, unless a record `template` has it.
 
-    design  as in `Fmt.at`
+    design  as in `Fmt.for_design`
     """
     hints = get_type_hints(record).items()
     return record(*(_format(hint, design, getattr(template, name, None)) for name, hint in hints))

@@ -91,7 +91,7 @@ def _file_digest(path):
 
 
 def source_digest(path):
-    """SHA-256 over names and bytes of `sources_of(path)`, and what else machine code depends on."""
+    """SHA-256 over names and bytes of `kernel_sources(path)`, and what else machine code depends on."""
     digest = hashlib.sha256(f"{numba.__version__} {numba.config.SLP_VECTORIZE}".encode())
     for file in kernel_sources(path):
         digest.update(os.path.relpath(file, ROOT).encode() + _file_digest(file))
@@ -222,18 +222,16 @@ def write_sealed(path, identity, body):
 class KernelCache:
     """Machine code of one function, in the place of Numba's own cache.
 
-    units(library)     what a compiled library links to: picklable
-    find_units(found)  True if that is there
+    units(library)            what a compiled library links to: picklable
+    find_units(linked_units)  True if that is there
     """
 
     def __init__(self, dispatcher, folder, units, find_units):
         self.cache_path = str(folder)
         self._folder, self._function = folder, dispatcher.py_func
         self._units, self._find_units = units, find_units
-        self._origin = (
-            f"{self._function.__module__}.{self._function.__qualname__} {self._function.__code__.co_filename}"
-        )
-        self._stem = f"{self._function.__qualname__}-{hashlib.sha256(self._origin.encode()).hexdigest()[:8]}"
+        self._label = f"{self._function.__module__}.{self._function.__qualname__} {self._function.__code__.co_filename}"
+        self._stem = f"{self._function.__qualname__}-{hashlib.sha256(self._label.encode()).hexdigest()[:8]}"
         self._machine = dispatcher.targetctx.codegen().magic_tuple()
         self._read = {}
 
@@ -246,7 +244,7 @@ class KernelCache:
     def _kernel_file(self, arguments):
         """(path, identity) of the machine code for these arguments."""
         source_key = f"{self._folder.name} {sys.version} {bound.digest(self._function)}"
-        identity = f"{self._origin} {source_key} {self._machine} {arguments!r}"
+        identity = f"{self._label} {source_key} {self._machine} {arguments!r}"
         key = hashlib.sha256(identity.encode()).hexdigest()[:24]
         return self._folder / f"{self._stem}-{key}{ENDING}", identity
 

@@ -46,7 +46,7 @@ def open_regular(path, flags=os.O_RDWR | os.O_CREAT):
 
 
 def try_lock(path):
-    """Locked open file, made if need be, that says who has it; `Held` if another process has it."""
+    """Locked open file, made if need be, that says who has it; `LockedError` if another process has it."""
     tries = 0
     while True:
         file = open(open_regular(path), "r+")

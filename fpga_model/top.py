@@ -175,11 +175,8 @@ def step(p, rom, s, i):
     drive_pipe, sense_pipe = path_clocks.pipes(p.pipe, p.paths)
     drive_code, sense_code = path_clocks.codes(p.paths)
     drive_tick, sense_tick = path_clocks.loads(p.paths)
-    at_load, drive_load, sense_load = (
-        rates.tick_enable(r, spi_dac.LOAD_TICK),
-        rates.tick_enable(r, drive_tick),
-        rates.tick_enable(r, sense_tick),
-    )
+    at_load, drive_load = rates.tick_enable(r, spi_dac.LOAD_TICK), rates.tick_enable(r, drive_tick)
+    sense_load = rates.tick_enable(r, sense_tick)
     c = s.control
     init, amplitude, drive_word, sense_word, quadrature_word, quadrature_load = 0, 0, 0, 0, 0, 0
     if ce_1m:

@@ -109,24 +109,24 @@ class Trace:
     wires      all that arrive somewhere
     instances  {instance: (module, path of its parameters or None)}
     gated      instances that are stepped only where a condition holds
-    like       a record with the optional parts that are there; none without it
+    template   a record with the optional parts that are there; none without it
     """
 
     def __init__(self, module, design, template=None):
         self.module, self.design = module, design
         self.wires, self.instances, self.names, self.live_records = [], {}, {}, []
         self.gated, self.depth = set(), 0
-        register_formats = {f"{at}.{name}": fmt.for_design(design) for at, m in nested_blocks(module.State)
-                for name, fmt in m.BLOCK.holds.items()}  # fmt: skip
-        self.state = self.record(formats(module.State, design, template), "", "register", register_formats)
+        contents = {f"{at}.{name}": fmt.for_design(design) for at, m in nested_blocks(module.State)
+                    for name, fmt in m.BLOCK.holds.items()}  # fmt: skip
+        self.state = self.record(formats(module.State, design, template), "", "register", contents)
         self.params = self.record(formats(module.Params, design, template), "", "parameter")
-        input_signals = {name: self.record(block.design_formats(shape, design), self.prefix(name), "input")
-                 for name, shape in module.INPUTS.items()}  # fmt: skip
+        inputs = {name: self.record(block.design_formats(shape, design), self.prefix(name), "input")
+                  for name, shape in module.INPUTS.items()}  # fmt: skip
         structure = {name: None for name in ("d", "rom") if name in block.arguments(module)}
-        self.function(python_function(module.step), {**structure, "p": self.params, "s": self.state, **input_signals})
+        self.function(python_function(module.step), {**structure, "p": self.params, "s": self.state, **inputs})
         if hasattr(module, "Pins"):
-            pin_signals = self.function(python_function(module.pins), {"p": self.params, "s": self.state})
-            for (name, fmt), (_, value) in zip(leaves(formats(module.Pins, design)), leaves(pin_signals), strict=True):
+            pins = self.function(python_function(module.pins), {"p": self.params, "s": self.state})
+            for (name, fmt), (_, value) in zip(leaves(formats(module.Pins, design)), leaves(pins), strict=True):
                 self.arrive(value, "pins", name, fmt)
         self.wires = list(dict.fromkeys(self.wires))
 
@@ -135,9 +135,9 @@ class Trace:
         """Inputs of a record have the names of its fields; those of the bank keep its name."""
         return "" if name == "i" else name
 
-    def record(self, shape, path, kind, register_formats=block.NOTHING):
-        """A record of signals, known by its path; `held` has the formats of what some of them hold."""
-        signals = iter([direct(name, register_formats.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
+    def record(self, shape, path, kind, contents=block.NOTHING):
+        """A record of signals, known by its path; `contents` has the formats of what some of them hold."""
+        signals = iter([direct(name, contents.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
         signal_record = filled(shape, lambda _: next(signals))
         self.name(signal_record, path)
         return signal_record
@@ -156,75 +156,73 @@ class Trace:
         """A value arrives at a port."""
         self.wires.append(Wire(as_signal(value), instance, port, fmt))
 
-    def step(self, module, bound_args):
+    def step(self, module, args):
         """A block's step: its inputs and parameters arrive, its registers are what they are."""
-        instance = self.names[id(bound_args["s"])]
-        self.instances[instance] = module, self.names.get(id(bound_args.get("p")))
+        instance = self.names[id(args["s"])]
+        self.instances[instance] = module, self.names.get(id(args.get("p")))
         if self.depth:
             self.gated.add(instance)
         shapes = block.shapes(module, self.design)
-        values = [value for name in shapes for _, value in leaves(bound_args[name])]
+        values = [value for name in shapes for _, value in leaves(args[name])]
         for (port, fmt), value in zip(block.inputs(module, self.design), values, strict=True):
             self.arrive(value, instance, port, fmt)
-        if "p" not in shapes and "p" in bound_args:
-            values = [value for _, value in leaves(bound_args["p"])]
+        if "p" not in shapes and "p" in args:
+            values = [value for _, value in leaves(args["p"])]
             for (name, fmt), value in zip(block.parameters(module, self.design).items(), values, strict=True):
                 self.arrive(value, instance, name, fmt)
-        return bound_args["s"]
+        return args["s"]
 
-    def output(self, module, name, shape, bound_args):
+    def output(self, module, name, shape, args):
         """A block's output: a pin, or a record of them."""
-        instance = self.names[id(bound_args["s"])]
+        instance = self.names[id(args["s"])]
         for port, fmt in block.inputs(module, self.design):
-            if port in bound_args:
-                self.arrive(bound_args[port], instance, port, fmt)
+            if port in args:
+                self.arrive(args[port], instance, port, fmt)
         if isinstance(shape, type):
             return self.record(formats(shape, self.design), instance, "pin")
         return direct(f"{instance}.{name}", shape.for_design(self.design), "pin")
 
-    def call(self, func, bound_args):
+    def call(self, func, args):
         """What a call returns: of a block by its declaration, of anything else by running it."""
         module = next((m for m in block_modules().values() if m.__name__ == func.__module__), None)
         name = func.__name__
         if module and name == "step":
-            return self.step(module, bound_args)
+            return self.step(module, args)
         if module and name in module.BLOCK.outputs:
-            return self.output(module, name, module.BLOCK.outputs[name], bound_args)
+            return self.output(module, name, module.BLOCK.outputs[name], args)
         if module and name in module.BLOCK.functions:
             arguments, result = module.BLOCK.functions[name]
-            owner = self.names.get(id(bound_args.get("p")), module.__name__.rpartition(".")[2])
+            owner = self.names.get(id(args.get("p")), module.__name__.rpartition(".")[2])
             for argument, fmt in arguments.items():
-                self.arrive(bound_args[argument], f"{owner}.{name}", argument, fmt.for_design(self.design))
+                self.arrive(args[argument], f"{owner}.{name}", argument, fmt.for_design(self.design))
             return logic(f"{owner}.{name}", result.for_design(self.design))
         if self.module is not control and func.__module__ == control.__name__:
             if name == "step":
-                return self.part(control, bound_args)
-            if name in control.OUTPUTS:
-                return direct(
-                    f"{self.names[id(bound_args['s'])]}.{name}", control.OUTPUTS[name].for_design(self.design), "pin"
-                )
-        return self.function(func, bound_args)
+                return self.part(control, args)
+            if shape := control.OUTPUTS.get(name):
+                return direct(f"{self.names[id(args['s'])]}.{name}", shape.for_design(self.design), "pin")
+        return self.function(func, args)
 
-    def part(self, module, bound_args):
+    def part(self, module, args):
         """A module within this one, traced by itself: its inputs arrive."""
-        instance = self.names[id(bound_args["s"])]
-        self.instances[instance] = module, self.names[id(bound_args["p"])]
+        instance = self.names[id(args["s"])]
+        self.instances[instance] = module, self.names[id(args["p"])]
         for name, shape in module.INPUTS.items():
             pairs = leaves(block.design_formats(shape, self.design), self.prefix(name))
-            for (port, fmt), (_, value) in zip(pairs, leaves(bound_args[name]), strict=True):
+            for (port, fmt), (_, value) in zip(pairs, leaves(args[name]), strict=True):
                 self.arrive(value, instance, port_name(port), fmt)
-        pairs = leaves(formats(module.Params, self.design, bound_args["p"]))
-        for (port, fmt), (_, value) in zip(pairs, leaves(bound_args["p"]), strict=True):
+        pairs = leaves(formats(module.Params, self.design, args["p"]))
+        for (port, fmt), (_, value) in zip(pairs, leaves(args["p"]), strict=True):
             self.arrive(value, instance, port_name(port), fmt)
-        return bound_args["s"]
+        return args["s"]
 
     # ---- running the source ------------------------------------------------------------------------------------------
 
-    def function(self, func, bound_args):
+    def function(self, func, args):
         """Run a function of the wiring."""
         tree = ast.parse(textwrap.dedent(inspect.getsource(func))).body[0]
         returned = self.run(
-            tree.body, dict(bound_args), (func.__globals__, f"{func.__module__.rpartition('.')[2]}.{func.__name__}")
+            tree.body, dict(args), (func.__globals__, f"{func.__module__.rpartition('.')[2]}.{func.__name__}")
         )
         return functools.reduce(merge_signals, returned)
 
@@ -320,7 +318,7 @@ class Trace:
 
 @functools.cache
 def trace(module, design=DEFAULT, all_parts=False):
-    """`Trace` of control or top; `whole` with all optional parts."""
+    """`Trace` of control or top; `all_parts`: with all that are optional."""
     return Trace(module, design, Everything() if all_parts else None)
 
 

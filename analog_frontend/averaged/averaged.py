@@ -66,7 +66,7 @@ class Averaged(NamedTuple):
 
     word0: int
     knots: np.ndarray  # (knots, SIZE)
-    force: np.ndarray  # (ticks since a sample began, 4, samples, 2): `_held`
+    force: np.ndarray  # (ticks since a sample began, 4, samples, 2): `_noise_growth`
     change_ticks: tuple  # when the modes see a changed word of each DAC, from the frame's first instant
 
 
@@ -113,9 +113,9 @@ def _steady(g, phi, excite):
 
 def _drive(g, step, first, dac_row, phi):
     """What a staircase of 1 V (new value e^(i phi k) in tick k) does: beta, the four modes per tick; and the chain."""
-    late = unit(-phi)
+    lag = unit(-phi)
     chain = range(first, first + 3)
-    u = [late * g[dac_row][k] + (1 - late) * step[k] for k in range(16)]
+    u = [lag * g[dac_row][k] + (1 - lag) * step[k] for k in range(16)]
     c = _steady([[g[i][j] for j in chain] for i in chain], phi, [u[k] for k in chain])
     return [u[k] + sum(g[i][k] * c[i - first][0] for i in chain) for k in MODE], [v[0] for v in c]
 
@@ -218,7 +218,7 @@ def _share(change, k):
     return min(max(change - k, 0.0), 1.0)
 
 
-def _crossing(b, pull, mode_map, coupling, phi0, shares, d):
+def _crossing(b, pull, m, coupling, phi0, shares, d):
     """Growth in a frame of the mode that is not that of DAC `d`, per rate or stiffness: by F before, by F after."""
     turned, i = unit(-phi0), 1 - d
     out = []
@@ -226,10 +226,7 @@ def _crossing(b, pull, mode_map, coupling, phi0, shares, d):
         a, c = b[d] * 0, b[d] * 0
         for share in shares:
             f = 1 - share if new else share
-            a, c = (
-                turned * (mode_map[d][d] * a + b[d] * f),
-                turned * (mode_map[i][i] * c + coupling[i][d] * a + pull[i] * f),
-            )
+            a, c = turned * (m[d][d] * a + b[d] * f), turned * (m[i][i] * c + coupling[i][d] * a + pull[i] * f)
         out.append(c)
     return out
 
@@ -264,20 +261,18 @@ def _forces(row, t, n, g, lags, modes):
             delta = 2 * MP.pi * MP.mpf(hz) * MP.mpf(tick)
             phi = phi0 + delta
             # the sine of the DDS phase: Re(-i e^(i theta)), `code_ticks` late
-            sine_phasor = -1j * unit(-phi * MP.mpf(lags.code_ticks[d]))
-            beta, chain = (
-                [sine_phasor * v for v in responses] for responses in _drive(g, steps[d], first, dac_row, phi)
-            )
+            sine = -1j * unit(-phi * MP.mpf(lags.code_ticks[d]))
+            beta, chain = ([sine * v for v in part] for part in _drive(g, steps[d], first, dac_row, phi))
             b = [sum(inverse[i][k] * beta[k] for k in range(4)) for i in range(4)]
             if hz == 0:
                 row[CHAIN + 6 * d : CHAIN + 6 * d + 6] = _real(chain)
-                row[LEVEL + 2 * d : LEVEL + 2 * d + 2] = _real([sine_phasor * unit(-phi0)])
+                row[LEVEL + 2 * d : LEVEL + 2 * d + 2] = _real([sine * unit(-phi0)])
                 slaved = [b[2 + i] / (unit(phi0) - values[i].conjugate()) for i in range(2)]
                 row[SLAVED + 4 * d : SLAVED + 4 * d + 4] = _real(slaved)
                 for jet in (1, 2):
                     pull = [sum(across[jet][i][k] * slaved[k] for k in range(2)) for i in range(2)]
-                    responses = _crossing(b, pull, slow[0], slow[jet], phi0, shares, d)
-                    for piece, value in enumerate(responses):
+                    growths = _crossing(b, pull, slow[0], slow[jet], phi0, shares, d)
+                    for piece, value in enumerate(growths):
                         at = CROSS + 16 * (jet - 1) + 8 * piece + 4 * d + 2 * (1 - d)
                         row[at : at + 2] = _real([value])
                 for i in range(2):
@@ -294,9 +289,9 @@ def _forces(row, t, n, g, lags, modes):
                 olds[i].append(old * back)
                 news[i].append(new)
         scaled = [2 * float(MP.pi) * hz * tick for hz in nodes]
-        for offset, responses in ((OLD, olds), (NEW, news)):
+        for offset, growths in ((OLD, olds), (NEW, news)):
             for i in range(2):
-                for degree, value in enumerate(_polynomial(scaled, responses[i])):
+                for degree, value in enumerate(_polynomial(scaled, growths[i])):
                     at = offset + 8 * degree + 4 * d + 2 * i
                     row[at : at + 2] = _real([value])
     return tuple(changes)

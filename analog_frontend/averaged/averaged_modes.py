@@ -1,10 +1,10 @@
 """Averaged plant, in time: the slow amplitudes of both modes over frames of n ticks.
 
-    retune    tables of this rate, stiffness and temperature; z is continuous, so that what the slaved parts and the
-              basis do at a jump a must take back: a <- a + 2 e^(-i theta) (T^-1 (z - z of a in the new tables))+
-    frame     a' = rotor E (a - conj(e^(2 i theta) s (F_new - F_old))) + J_old F_old + J_new F_new + noise
-              rotor = e^(-i (theta advance - phi0 n)); theta at the instant of the change, where z is continuous too
-    envelope  V(tau) of both C/V outputs over the frame: the cubic through value and slope at both ends
+    retune_tables   to this rate, stiffness and temperature; z is continuous, so that what the slaved parts and the
+                    basis do at a jump a must take back: a <- a + 2 e^(-i theta) (T^-1 (z - z of a in the new tables))+
+    frame           a' = rotor E (a - conj(e^(2 i theta) s (F_new - F_old))) + J_old F_old + J_new F_new + noise
+                    rotor = e^(-i (theta advance - phi0 n)), theta at the instant of the change, where z is continuous
+    envelope        V(tau) of both C/V outputs over the frame: the cubic through value and slope at both ends
 
 State       `m`, float64, mutated in place: A (a_x, a_y), F (both DACs, V); complex numbers are pairs (re, im)
 Source      docs/parts/averaged.md
@@ -116,7 +116,7 @@ def product(t, at, ar, ai, br, bi):
 
 @inlined
 def on(t, at, m, index):
-    """Matrix at `at` times the two complex numbers at `place` of `m`."""
+    """Matrix at `at` times the two complex numbers at `index` of `m`."""
     return product(t, at, m[index], m[index + 1], m[index + 2], m[index + 3])
 
 
@@ -180,7 +180,7 @@ def _mode_states(now, m, cos, sin):
 
 @outlined
 def _warmed(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at):
-    """As `retune`, where the temperature moves. Mutates `now` and `m`."""
+    """As `retune_tables`, where the temperature moves. Mutates `now` and `m`."""
     _blend_knots(knots, lo_degc, step_k, temp_degc, now)
     stiffness = now[KXY] - now[KQ] * volts_squared
     _combine(now, rate_rad_s, stiffness)

@@ -58,14 +58,14 @@ def batch(table, frame_ticks):
 
 @inlined
 def integral(d, row, position):
-    """Integral of the samples of a row of C/V noise up to `place` (V samples)."""
+    """Integral of the samples of a row of C/V noise up to `position` (V samples)."""
     k = int(position)
     return d.sums[row + k] + d.volts[row + k] * (position - k)
 
 
 @outlined
 def integrate(q, at, d, position, sign):
-    """Add the integral of both rows up to `place` to q[at ..]: x, x, y, y. Mutates `q`."""
+    """Add the integral of both rows up to `position` to q[at ..]: x, x, y, y. Mutates `q`."""
     x, y = sign * integral(d, 0, position), sign * integral(d, ROW, position)
     q[at] += x
     q[at + 1] += x
@@ -191,10 +191,10 @@ def _pink(p, d, w, c, n, s):
     at = SCRATCH + 4 * c
     store(w, at, (s[0] + s[1]) + (s[2] + s[3]))
     pink = p.flicker[c].level * (((w[at] + w[at + 1]) + w[at + 2]) + w[at + 3])
-    first_row, second_row = c * BATCH + n, (c + 1) * BATCH + n
-    d.converter[first_row] = (d.converter[first_row] if p.white[c].on else 0.0) + pink
+    i, j = c * BATCH + n, (c + 1) * BATCH + n
+    d.converter[i] = (d.converter[i] if p.white[c].on else 0.0) + pink
     pink = p.flicker[c + 1].level * (((w[at + 4] + w[at + 5]) + w[at + 6]) + w[at + 7])
-    d.converter[second_row] = (d.converter[second_row] if p.white[c + 1].on else 0.0) + pink
+    d.converter[j] = (d.converter[j] if p.white[c + 1].on else 0.0) + pink
 
 
 @outlined

@@ -192,9 +192,8 @@ def _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, 
     edge_area, slope = _area_slope(p, signs, swept[4], grown, join_lanes(h2, low(b2)), join_lanes(h3, low(b3)))
     pick = select_lanes(splat(p.sampled), t, select_lanes(since, splat(p.sampled - 1e-6), one, zero), zero)
     picked = select_lanes(splat4(1.0), low(pick), (area + low(edge_area), began, low(t), low(slope)), picked)
-    picked = select_lanes(
-        splat4(1.0), high(pick), (low(edge_area) + high(edge_area), closed_at, high(t), high(slope)), picked
-    )
+    both_areas = low(edge_area) + high(edge_area)
+    picked = select_lanes(splat4(1.0), high(pick), (both_areas, closed_at, high(t), high(slope)), picked)
     closes = (low(b1) - high(w1), low(b2) - high(w2), low(b3) - high(w3))
     opens = (high(b1), high(b2), high(b3))
     return closes + opens + (high(t), high(total), sign, high(edge_area), low(t), waits, past_waits, picked)
@@ -223,11 +222,8 @@ def _last_edge(p, s, waiting, on_old, new, gap_new, tilde, poles, noise, begin):
     picked = select_lanes(one, pick, (area + edge_area, began, t, slope), picked)
     a1, a2, a3 = _charged(p, sign, grown)
     after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, edge_area, closed_at)
-    return (
-        select_lanes(one, acts, after, s[:11])
-        + select_lanes(one, deferred, (t - end, past), (zero - one, zero))
-        + (picked,)
-    )
+    waits_next = select_lanes(one, deferred, (t - end, past), (zero - one, zero))
+    return select_lanes(one, acts, after, s[:11]) + waits_next + (picked,)
 
 
 @inlined
@@ -263,9 +259,8 @@ def _edge(p, s, n, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, no
     a1, a2, a3 = _charged(p, sign, grown)
     after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, edge_area, closed_at)
     # what had waited has acted
-    waits_next = select_lanes(
-        one, deferred, (t - end, past), select_lanes(one, was_waiting, (zero - one, zero), (waits, past_waits))
-    )
+    waits_next = select_lanes(one, was_waiting, (zero - one, zero), (waits, past_waits))
+    waits_next = select_lanes(one, deferred, (t - end, past), waits_next)
     return select_lanes(one, acts, after, s[:11]) + waits_next + (picked,)
 
 

@@ -36,11 +36,9 @@ OFF = Params()
 
 def collect(**effects):
     """Params of the named effects; the others are off. The flags of the stages are set here and nowhere else."""
-    unsupported = set(effects) - {e.INFO.name for e in EFFECTS}
-    if unsupported:
-        raise ValueError(
-            f"effects: {', '.join(sorted(unsupported))} not among {', '.join(e.INFO.name for e in EFFECTS)}"
-        )
+    extra = set(effects) - {e.INFO.name for e in EFFECTS}
+    if extra:
+        raise ValueError(f"effects: {', '.join(sorted(extra))} not among {', '.join(e.INFO.name for e in EFFECTS)}")
     p = Params(**effects)
     on = [e.INFO.port for e in EFFECTS if getattr(p, e.INFO.name).on]
     return p._replace(

@@ -139,9 +139,9 @@ def check_law(law, where="law"):
     if states > MOST_FACTORS or any(not 1 <= f.power <= MOST_FACTORS for f in law.factors):
         raise ValueError(f"{where}: more than {MOST_FACTORS} factors of the state")
     for name in (*law.factors,):
-        arguments = [f.name for f in law.factors if f.name not in STATES]
+        inputs = [f.name for f in law.factors if f.name not in STATES]
         group = TIMES if name.name in TIMES else (name.name,)
-        if name.name not in STATES and sum(n in group for n in arguments) > 1:
+        if name.name not in STATES and sum(n in group for n in inputs) > 1:
             raise ValueError(f"{where}: {name.name} stands in it twice")
     names = {f.name for f in law.factors}
     if law.port in FORCE_PORTS and names & set(OUTPUTS):
@@ -267,7 +267,7 @@ def gains(force, cv, temp_ref_degc, table, numbers, rate_rad_s, temp_degc, t_s, 
 
 @inlined
 def value(table, gain, k, w, offsets, at):
-    """Law `k` from the states at w[places[state] + at]."""
+    """Law `k` from the states at w[offsets[state] + at]."""
     v = gain[k]
     for j in range(FIRST, FIRST + table[k, COUNT]):
         code = table[k, j]

@@ -1,7 +1,7 @@
-"""Eight converters: those whose samples coincide are summed and converted together, as adc.py's `block` does one.
+"""Eight converters: those whose samples coincide are summed and converted together, as `adc.convert_block` does one.
 
     sums            row WIDTH c + j, lanes side by side: j < FRAMES: the sums of channel c, above: poles of its flicker
-    own_sums, row   sums and inputs of one converter, for adc.block: where they are not in step
+    own_sums, row   sums and inputs of one converter, for adc.convert_block: where they are not in step
 
 Source    docs/decisions/0012-lanes.md
 """
@@ -32,7 +32,7 @@ class Converters(NamedTuple):
     own_sums: doubles(LANES, CHANNELS, WIDTH)  # as adc.State.sums, of those by themselves
     row: doubles(4 * TICKS)  # outputs of one
     sensor_v: doubles(LANES)  # voltage of the temperature sensor
-    fell: int64s(LANES)  # what adc.block returns
+    fell: int64s(LANES)  # what adc.convert_block returns
     one_clock: int64s(LANES)  # 1 if all have the same period, delay and decimation
     white_on: int64s(CHANNELS)  # 1: of all, 0: of none, MIXED
     white_keys: int64s(CHANNELS * 2 * LANES)
@@ -120,7 +120,7 @@ def store_sums(a, k):
 
 @inlined
 def gather_outputs(a, out, k, ticks):
-    """The outputs of demodulators of plant `k` as adc.block wants them. Mutates a.row."""
+    """The outputs of demodulators of plant `k` as adc.convert_block wants them. Mutates a.row."""
     for c in range(TEMPERATURE):
         for t in range(ticks + 1):
             a.row[4 * t + c] = out[(c * TICKS + t) * LANES + k]
@@ -211,7 +211,7 @@ def _converted(floats, ints, normal):
 def convert_lanes(floats, ints, p, first, ticks):
     """`ticks` of the active converters, which are in step; `first` is one of them, p its adc.Params.
 
-    What adc.block returns is left in `fell`. Mutates both arrays
+    What adc.convert_block returns is left in `fell`. Mutates both arrays
     """
     a, v = opened(floats, ints), side_by_side.opened(floats, ints)
     due, m, end = a.clock[first, DUE], a.clock[first, SAMPLE], ticks * p.tick_units

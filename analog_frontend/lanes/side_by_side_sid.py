@@ -176,7 +176,7 @@ def _segment_lanes(v, f, n, w1, w2, w3, q1, q2, q3):
 
 @inlined
 def _applied(v, t, plant, touched_count):
-    """The edges of one plant in tick `t` of the block, behind `moved` of others; returns how many there are now.
+    """The edges of one plant in tick `t` of the block, behind `touched_count` of others; returns the new count.
 
     Leaves what they give in v.fixed and v.touched.
     """

@@ -1,4 +1,4 @@
-"""Eight plants: a block of ticks, strip by strip; what `top.block` is for one.
+"""Eight plants: a block of ticks, strip by strip; what `top.advance_ticks` is for one.
 
 Source    docs/decisions/0012-lanes.md
 """

@@ -1,6 +1,6 @@
 """Records of arrays that stand in two flat arrays, one of doubles and one of int64.
 
-    AT = places(Record, first)               where each array of a record of shapes.py stands, aligned to eight
+    AT = record_layout(Record, first)        where each array of a record of shapes.py stands, aligned to eight
     v = AT.opened(floats, integers)          the record, its arrays views of the two
 
     int32_at(address, n), int64_at, float64_at              n numbers of somebody else's, at the address of the first
@@ -91,8 +91,8 @@ def _native(record, rows):
         def codegen(context, builder, signature, args):
             bases = [make_array(t)(context, builder, a) for t, a in zip(signature.args, args)]
             arrays = [
-                view(context, builder, record_type.types[k], bases[kind], place, shape)
-                for k, (_, kind, place, shape) in enumerate(rows)
+                view(context, builder, record_type.types[k], bases[kind], offset, shape)
+                for k, (_, kind, offset, shape) in enumerate(rows)
             ]
             return context.make_tuple(builder, record_type, arrays)
 

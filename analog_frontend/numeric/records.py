@@ -1,6 +1,6 @@
 """A nested record of numbers from two rows: the integers from one, the floats from the other, depth first.
 
-    taken(kind, ints, floats)   a record of that Kind, or of the type of a record; only what is used of it is read
+    unpack_record(kind, ints, floats)   a record of that Kind, or of the type of a record; only what is used is read
 
 For kernels that hold many records of one kind in arrays; `split` makes the rows. A Kind stands for the type alone: it
 costs nothing as an argument, where a record of two hundred numbers would be copied at every call.
@@ -15,7 +15,7 @@ from fpga_model.jit import DISABLED
 
 
 class Kind:
-    """The type of a record, for `taken`."""
+    """The type of a record, for `unpack_record`."""
 
     def __init__(self, record):
         self.record = record

@@ -4,10 +4,11 @@
     a + b   a - b   a * b   a / b   lane by lane; a number stands for itself in every lane
     integers(a, i)   eight int64 of an array, with + - * & ^ >>; times a double they become doubles
     larger(a, b)     the larger of a and the magnitude of b     clamped(v, lo, hi) = min(max(v, lo), hi)
-    ceiling(v)   chosen(a, b, x, y) = x where a <= b, else y   turned4(v) = i v, for two complex numbers re, im, re, im
-    joined(a, b)   eight lanes from four and four   low(v)   high(v)   the first and the last four of eight
+    ceiling(v)   turned4(v) = i v, for two complex numbers re, im, re, im
+    select_lanes(a, b, x, y) = x where a <= b, else y
+    join_lanes(a, b)   eight lanes from four and four   low(v)   high(v)   the first and the last four of eight
     store_fives(a, i, v)   lane k five times, a[i + 5 k : i + 5 k + 5]   store_rows(a, i, step, v)   v[k] at i + k step
-    rows4(a, i, n)   n times four lanes, one behind the other, as a tuple; joined and chosen take tuples, each of them
+    rows4(a, i, n)   n times four lanes, one behind the other, as a tuple; join_lanes and select_lanes take tuples too
     four(a, b, c, d)   pair(a, b) = a, a, b, b   splat4, load4, store4   lane(v, k) = v[k], k a constant    four lanes
 totals4(a, b, c, d)   four lanes: the sum over all eight of each
 
@@ -88,9 +89,7 @@ if DISABLED:
 
     def select_lanes(a, b, x, y):
         """x where a <= b, else y; each of tuples."""
-        return (
-            tuple(select_lanes(a, b, *pair) for pair in zip(x, y)) if isinstance(x, tuple) else np.where(a <= b, x, y)
-        )
+        return tuple(select_lanes(a, b, *v) for v in zip(x, y)) if isinstance(x, tuple) else np.where(a <= b, x, y)
 
     def lane(v, k):
         """Lane k."""

@@ -117,12 +117,12 @@ def rows4(typingctx, a, i, count):
 
 
 def _gather_scalars(order):
-    """Four lanes from scalars: lane k is argument `places[k]`."""
+    """Four lanes from scalars: lane k is argument `order[k]`."""
 
     def codegen(context, builder, signature, args):
         v = ir.Constant(QUAD.native, ir.Undefined)
-        for k, place in enumerate(order):
-            v = builder.insert_element(v, args[place], ir.Constant(_INT32, k))
+        for k, number in enumerate(order):
+            v = builder.insert_element(v, args[number], ir.Constant(_INT32, k))
         return v
 
     return codegen
@@ -157,12 +157,12 @@ def ceiling(typingctx, v):
 
 @intrinsic
 def join_lanes(typingctx, a, b):
-    whole = types.UniTuple(VECTOR, len(a)) if isinstance(a, types.BaseTuple) else VECTOR
+    result = types.UniTuple(VECTOR, len(a)) if isinstance(a, types.BaseTuple) else VECTOR
 
     def codegen(context, builder, signature, args):
-        return _map_registers(context, builder, whole, lambda x, y: _shuffled(builder, x, y, range(8)), *args)
+        return _map_registers(context, builder, result, lambda x, y: _shuffled(builder, x, y, range(8)), *args)
 
-    return whole(a, b), codegen
+    return result(a, b), codegen
 
 
 def _half(first):

@@ -11,8 +11,8 @@
 Time      integers of 1/2^32 master cycle: 64 modulator periods of 1625/32 cycles are 125 ticks exactly; a free-running
           clock has another integer. Every instant is kept relative to the block, so nothing grows and nothing drifts
 Delay     from a tone to its code: 3 (N - 1)/2 modulator periods before the last sample, 184.57 us at N = 64
-Ready     DRDY falls `delay` after the last sample, at least one tick: `block` returns the clock from which a register
-          sees it low, in a later tick than the sample's, else -1. The codes stay until the next conversion
+Ready     DRDY falls `delay` after the last sample, at least one tick: `convert_block` returns the clock from which a
+          register sees it low, in a later tick than the sample's, else -1. The codes stay until the next conversion
 Between   the chord errs by h^2/8 |v''| <= h^2 A/(8 w (RC)^3) = 1.3e-9 V behind a settled 50 Hz SID at A = 2.88 V
 Rounding  nearest multiple of `step`, ties toward plus infinity
 Overflow  clamps to -0x800000 .. code_hi (the part's: 0x7FFFFF) before it becomes an int; NaN reads as code_hi
@@ -293,7 +293,7 @@ def weights(n, m):
 
 @inlined
 def ready(p, clock, ticks):
-    """Behind a block of `ticks`: what `block` returns. Mutates `clock`."""
+    """Behind a block of `ticks`: what `convert_block` returns. Mutates `clock`."""
     if clock[PENDING] == NOT_PENDING:
         return -1
     cycle = (clock[PENDING] + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS

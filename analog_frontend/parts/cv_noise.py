@@ -7,7 +7,7 @@
     voltage    sqrt(2) e_n(T)                        two inputs of the instrumentation amplifier, independent
     current    sqrt(2) i_n(T)/(4 fc Ct g)            each meets half of what the ring shows, 1/(2 fc Ct g)
 
-e_n(T), i_n(T) are `thermal.at_temperature`'s: sqrt(2 q Ib(T)) and sqrt(2 q Ic) kT/(q Ic) of a bipolar input.
+e_n(T), i_n(T) are `thermal.device_at_temperature`'s: sqrt(2 q Ib(T)) and sqrt(2 q Ic) kT/(q Ic) of a bipolar input.
 Source    docs/parts/noise.md
 """
 

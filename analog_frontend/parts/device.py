@@ -1,6 +1,6 @@
 """Every number of the plant in one record: `Device`; the type of a field is its unit and its limits.
 
-The defaults are the base plant at `temp_ref_degc`; `thermal.at_temperature` gives the record at another temperature.
+The defaults are the base plant at `temp_ref_degc`; `thermal.device_at_temperature` gives it at another temperature.
 `drive` is the x mode and its electronics, `sense` the y mode. All values are SI with the unit in the name; a number
 without a unit suffix is dimensionless.
 

@@ -263,7 +263,7 @@ def fill_rows(p, q, counter, stride, w, first, second, n):
 
 @outlined
 def fill_hold_rows(p, q, tick, w, first, second, n):
-    """w[first + i] = held(p, tick + i), w[second + i] = held(q, tick + i) for i below n. Mutates `w`.
+    """w[first + i] = hold_sample(p, tick + i), w[second + i] of q alike, for i below n. Mutates `w`.
 
     p, q  as for `fill_rows`. Whole samples and whole registers of them are put down: up to HOLD - 1 places in front of
     each row are lost, and HOLD LANES - 1 behind it.

@@ -160,7 +160,7 @@ def multiply(ah, al, bh, bl):
 
 @kernel
 def taylor(indices, value, terms, xh, xl):
-    """Sum over k = 0 .. terms of (A^k / k!) X; A is sparse: place (row, column, jet), value (hi, lo)."""
+    """Sum over k = 0 .. terms of (A^k / k!) X; A is sparse: indices (row, column, jet), value (hi, lo)."""
     sum_h = xh.copy()
     sum_l = xl.copy()
     width = xh.shape[2]

@@ -90,7 +90,7 @@ class Large(NamedTuple):
 
 
 def circuit(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc=25.0):
-    """`Circuit` of a ring; arguments and ValueError as `ring_diode.ring`."""
+    """`Circuit` of a ring; arguments and ValueError as `ring_diode.diode_ring`."""
     stray_f = ring_diode.diode_ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc).stray_f
     with mpmath.workprec(ring_diode.PRECISION):
         vj, m, cj0 = ring_diode.built_in_v(diode, temp_degc), mpmath.mpf(diode.m), mpmath.mpf(diode.cj0_f)

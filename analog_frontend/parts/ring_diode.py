@@ -105,8 +105,8 @@ def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
         reverse, slope = _junction(diode, vj, -vf)
         forward, _ = _junction(diode, vj, vf)
         loading = 2 * reverse - nvt * slope
-        stray_c = stray if cp is None else cp - loading
-        x = c0 + stray_c
+        stray_f = stray if cp is None else cp - loading
+        x = c0 + stray_f
         tail = x / (1 + x / cref) + forward + reverse
         u = is_a * period / (2 * nvt * tail)
         before, vf = vf, -nvt * mpmath.log(mpmath.tanh(u))
@@ -114,11 +114,11 @@ def _solve(diode, temp_degc, c0, cref, period, stray=None, cp=None):
             break
         if not vf < vj:
             raise ValueError(f"ring_diode: a drop of {float(vf):g} V exceeds the junction's {float(vj):g} V")
-    return vf, nvt, stray_c, x, x + loading, reverse, u
+    return vf, nvt, stray_f, x, x + loading, reverse, u
 
 
 def arguments(device, channel, temp_degc):
-    """Arguments of `ring` for "drive" or "sense" of a Device as it is at temp_ref."""
+    """Arguments of `diode_ring` for "drive" or "sense" of a Device as it is at temp_ref."""
     return (
         thermal.device_at_temperature(device, temp_degc).carrier_v,
         device.carrier_hz * (1.0 + device.carrier_ppm * 1e-6),
@@ -176,24 +176,22 @@ def diode_ring(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp
 
 @functools.lru_cache(maxsize=4096)
 def limit_f(*ring_arguments):
-    """Amplitude (F) of a sine of dC at which its fundamental has lost LIMIT_LOSS of the gain; arguments of `ring`.
+    """Amplitude (F) of a sine of dC at which its fundamental has lost LIMIT_LOSS of the gain; arguments: `diode_ring`.
 
         dC = n VT/(g gain) ln(sinh(u e^v)/sinh(u e^-v)),  v = V/(2 n VT)     the charge that C->B and D->A let through
     Junctions and V within a half period count as for small signals: 8 % of the amplitude at most (docs).
     """
-    small_signal = diode_ring(*ring_arguments)
+    ring = diode_ring(*ring_arguments)
     n_vt = float(n_vt_v(*ring_arguments[5:7]))
-    u = math.atanh(math.exp(-small_signal.vf_v / n_vt))
+    u = math.atanh(math.exp(-ring.vf_v / n_vt))
     volts = np.linspace(0.0, 2 * n_vt * math.log(SATURATED / u), POINTS)
     v = volts / (2 * n_vt)
-    dc_f = (
-        n_vt / (small_signal.g * small_signal.gain_v_per_f) * np.log(np.sinh(u * np.exp(v)) / np.sinh(u * np.exp(-v)))
-    )
+    dc_f = n_vt / (ring.g * ring.gain_v_per_f) * np.log(np.sinh(u * np.exp(v)) / np.sinh(u * np.exp(-v)))
     sines = np.sin((np.arange(QUARTER) + 0.5) * math.pi / (2 * QUARTER))
 
     def loss(amplitude_f):
         fundamental = 2 * np.mean(np.interp(amplitude_f * sines, dc_f, volts) * sines)
-        return 1 - fundamental / amplitude_f / small_signal.gain_v_per_f
+        return 1 - fundamental / amplitude_f / ring.gain_v_per_f
 
     low_f, high_f = dc_f[1], dc_f[-1]
     for _ in range(50):

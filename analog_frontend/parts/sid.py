@@ -138,7 +138,7 @@ def follow_tick(p, caps, d, ref, n, p1, p2, p3):
 
 @inlined
 def between(p, caps, refs, w, feed, stride, t0, t1, out):
-    """Ticks t0 .. t1 - 1 of all four without an edge: bit for bit `full` at each of them. Mutates `caps` and `out`.
+    """Ticks t0 .. t1 - 1 of all four without an edge: bit for bit `follow_tick` at each. Mutates `caps` and `out`.
 
     refs  (4,) references
     w     row feed + k holds p_k + n s_k of the drive channel, feed + 3 + k that of the sense channel

@@ -139,7 +139,7 @@ def _written(port, tick, n, work, edge_count, edges):
 
 @outlined
 def run_library(port, p, clock, tick, n, drive_cycle, sense_cycle, work, edge_count, edges, rate_rad_s, temp_degc):
-    """`n` ticks of the library's plant; as `top.block`. Mutates the mailboxes and `clock`, the converter's.
+    """`n` ticks of the library's plant; as `top.advance_ticks`. Mutates the mailboxes and `clock`, the converter's.
 
     p  adc.Params, for the clocks of a tick
     """
