@@ -21,15 +21,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from testbench.config import law_file
-from testbench.measured.closed_loop import loop_runs, loop_spectra
+from testbench.measured.closed_loop import loop_noise, loop_runs, loop_spectra
 from testbench.measured.closed_loop.loop_anchor import LOOK, AnchoredLoop
-from testbench.measured.closed_loop.loop_noise import (
-    NOISE_DRAWS,
-    compute_noise_gain,
-    deviations,
-    estimate_noise,
-    split_draws,
-)
 from testbench.measured.closed_loop.loop_offers import Offered, describe_shadowed_laws
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
@@ -79,9 +72,7 @@ class LoopProblem(AnchoredLoop):
         nuisance_keys = {p.key for p in self.parameters}
         candidates, library = ([c for c in laws if c.key not in nuisance_keys] for laws in (candidates, library))
         self.candidates = {c.law.name: c for c in (*candidates, *library)}
-        self.is_time_dependent = frozenset(
-            name for name, c in self.candidates.items() if c.is_time_dependent(model.device())
-        )
+        self.timed = frozenset(name for name, c in self.candidates.items() if c.is_time_dependent(model.device()))
         self.nuisances = tuple(Nuisance(p.key, p.unit, *p.normal()) for p in self.parameters)
         self.laws, self.library = tuple(c.law for c in candidates), tuple(c.law for c in library)
         self.linear_in = frozenset([n.name for n in self.nuisances] + list(self.candidates))
@@ -95,14 +86,14 @@ class LoopProblem(AnchoredLoop):
         self.slope = {c.id: _frequency_slope(c) for c in measured.conditions}
         self.place, self._densities = dict.fromkeys(self.conditions, 0.0), {}
         self._set_frequency_offsets()
-        draws = self._draws(NOISE_DRAWS, power_on=True)
+        draws = self._draws(loop_noise.NOISE_DRAWS, power_on=True)
         fitted = {g: (v[:, : self._sizes[g]], self.slope[g][: self._sizes[g]]) for g, v in draws.items()}
-        self._noise, self.noise_gain = estimate_noise(fitted), compute_noise_gain(fitted)
+        self._noise, self.noise_gain = loop_noise.estimate_noise(fitted), loop_noise.compute_noise_gain(fitted)
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
         self.anchors, self.draws, self.tangent = 0, LOOK, None
-        self.start_value = np.array([p.start_value for p in self.parameters])
+        self.first = np.array([p.start_value for p in self.parameters])
         self.starts = tuple(p.start for p in self.parameters if p.start is not None)
         self.least_d = WIDE_LEAST_D if self.starts else 0.0
         self.anchor(self.first, {})
@@ -135,13 +126,13 @@ class LoopProblem(AnchoredLoop):
     def noise_draws(self, k, count, rng):
         """Draws of the averaged plant, either sign: slips make the noise of some power-ons larger."""
         group = self.segments[k].group
-        rows = deviations(self._begun[group][:, : self._sizes[group]])
+        rows = loop_noise.deviations(self._begun[group][:, : self._sizes[group]])
         return (rng.choice((-1.0, 1.0), size=(count, 1)) * rows[rng.integers(len(rows), size=count)]).T
 
     def _law_noise_ratio(self, draws):
         """Mean square of draws left out along the laws, in units of that of all their rows: loop_noise."""
         other, out = copy.copy(self), []
-        for other._noise, excluded_draws in split_draws(draws):
+        for other._noise, excluded_draws in loop_noise.split_draws(draws):
             one = {g: v.T / np.sqrt(len(self.recorded.values[g])) for g, v in excluded_draws.items()}
             out.append(np.mean(other.pseudo(one) ** 2) / np.mean(other.stack_fit_rows(one) ** 2))
         return float(np.mean(out))
@@ -160,15 +151,12 @@ class LoopProblem(AnchoredLoop):
         return tuple(findings.frame_findings(recorded, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
 
     def unsupported_reason(self, law):
-        time_constants_s = [f.argument for one in self.candidates[law].port_laws(self.model.device())
+        lags_s = [f.argument for one in self.candidates[law].port_laws(self.model.device())
                             for f in one.factors if f.name == "lag"]  # fmt: skip
-        observed_s = max(self.after[c.id] + c.seconds for c in self.conditions.values()) - min(self.after.values())
-        if not time_constants_s or observed_s >= max(time_constants_s):
+        span_s = max(self.after[c.id] + c.seconds for c in self.conditions.values()) - min(self.after.values())
+        if not lags_s or span_s >= max(lags_s):
             return ""
-        return (
-            f"its time constant is {max(time_constants_s):g} s, and the dwells show {observed_s:.2g} s of the "
-            "time from power-on"
-        )
+        return f"its time constant is {max(lags_s):g} s, and the dwells show {span_s:.2g} s of the time from power-on"
 
     def experiments(self, laws):
         return Offered(self, laws)
@@ -200,7 +188,7 @@ class Fine:
     """The segments of a `LoopProblem` in bins of loop_runs.FINE frames: for held-out errors, nothing is fitted here."""
 
     def __init__(self, problem, draws):
-        self._problem, self._draws = problem, {g: deviations(v) for g, v in draws.items()}
+        self._problem, self._draws = problem, {g: loop_noise.deviations(v) for g, v in draws.items()}
         self.segments = tuple(
             s._replace(
                 observables=tuple(

@@ -141,7 +141,7 @@ class Work:
         """
         # gains and Q of the board, and with them its noise, are known by now
         try:
-            self.sigma, self.whitening_matrix = self.loop.whitening_matrix(self.u)
+            self.sigma, self.whitening = self.loop.whitening_matrix(self.u)
         except ConfigError:
             return False
         for attempt in range(LOOKS):
@@ -171,10 +171,10 @@ class Work:
                 self.progress(f"wide priors: {stage.name}", k, stage.steps)
             fresh = columns is None
             if fresh:
-                results = self.loop.columns(self.u, which, self.sigma, measured=not stage.keys)
-                if results is None:
+                tangents = self.loop.columns(self.u, which, self.sigma, measured=not stage.keys)
+                if tangents is None:
                     return False
-                columns = results[1][:, which]
+                columns = tangents[1][:, which]
                 self.last_columns = which, columns
             w, gap = self.weights(features, stage.observables), self.loop.residual(features)
             full_step, a, b = self.step(gap, columns, which, w, REGION)
