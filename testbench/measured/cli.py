@@ -175,10 +175,8 @@ def import_(
         raise RecordError(columns, refused)
     digest = write_record(out, imported.record)
     if as_json:
-        finding_rows = [{"finding": str(f), "level": f.level} for f in findings]
-        return print_json(
-            {"file": str(out), "content_sha256": digest, "lines": imported.lines, "findings": finding_rows}
-        )
+        rows = [{"finding": str(f), "level": f.level} for f in findings]
+        return print_json({"file": str(out), "content_sha256": digest, "lines": imported.lines, "findings": rows})
     for text in (*imported.lines, *(f"{f} ({f.level})" for f in findings)):
         typer.echo(text)
     typer.echo(f"{out}  {digest[:16]}")

@@ -183,14 +183,12 @@ def run_case(case):
         t, x = np.array(rate_vibration.profile(total, f_hz, quality, rms, SEED)).T
         steps = np.interp(t, *np.array(points).T)
         points = [[float(a), float(b)] for a, b in zip(t, steps + x)]
-    loop_config = config.Config()
+    cfg = config.Config()
     scenario = {"seconds": total, "rate_dps": points, "diagnose": False, "temperature_degc": case.temperature_degc}
-    update = {"scenario": loop_config.scenario.model_copy(update=scenario)}
-    loop_config = loop_config.model_copy(
-        update=update | {"effects": loop_config.effects.model_copy(update=case.settings)}
-    )
+    update = {"scenario": cfg.scenario.model_copy(update=scenario)}
+    cfg = cfg.model_copy(update=update | {"effects": cfg.effects.model_copy(update=case.settings)})
     watch = simulate.Watch("rate_word")
-    simulate.run(loop_config, sinks=(watch,))
+    simulate.run(cfg, sinks=(watch,))
     rate = watch.values() / WORD_PER_DPS
     per_s = len(rate) / total
     at = [int(per_s * t) for t in (REST_S - MEAN_S, REST_S, REST_S + STEP_S - MEAN_S, REST_S + STEP_S, total - MEAN_S)]
@@ -248,12 +246,11 @@ def section(sets):
         panel.plot(t, change * 3600, lw=0.6, color="#205090")
         panel.set_xlabel("time from lock (s); rate 0, +100, -100 deg/s")
         panel.set_ylabel("change of rate (deg/h)")
-        significant = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
+        large = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
         sentence = (
             f"{case.words}. Scale factor {texts[0]} ppm, bias {texts[1]} deg/h, noise of the rate word at rest "
             f"{texts[2]} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms). Above {BEYOND:g} times the controls: "
-            f"{', '.join(significant) or 'nothing'}."
+            f"{base.rms_dps:.3g} deg/s rms). Above {BEYOND:g} times the controls: {', '.join(large) or 'nothing'}."
         )
         words.append(
             f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{part_page.png(figure)}<figcaption>"

@@ -20,7 +20,7 @@ from testbench.tracing.trace import Options, Tracer
 
 
 def nulls(problem, count, seed=0, true_laws=(), say=None):
-    """Names of the effects of each of `count` recordings of `problem`'s part; `known`: laws that its truth has, too.
+    """Names of the effects of each of `count` recordings of `problem`'s part; `true_laws`: those of its truth.
 
     The noise is that of the file; the model that is traced has the known laws in it.
     """
@@ -36,10 +36,10 @@ def nulls(problem, count, seed=0, true_laws=(), say=None):
     for k in range(count):
         rng = np.random.default_rng([seed, k])
         data = [mean + now.noise_draw(i, rng) for i, mean in enumerate(clean)]
-        report = add_in_stages(now.replace_data(data), Options(ALPHA, seed=k), 1)
-        out.append([e["law"] for e in report.json["effects"]])
+        staged = add_in_stages(now.replace_data(data), Options(ALPHA, seed=k), 1)
+        out.append([e["law"] for e in staged.json["effects"]])
         if say:
-            say(f"{k + 1}: {out[-1]}, {report.json['verdict']}")
+            say(f"{k + 1}: {out[-1]}, {staged.json['verdict']}")
     return out
 
 
@@ -53,10 +53,8 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     problem = open_problem(options.files, dict(text.split("=", 1) for text in options.option))
     effects = nulls(problem, options.count, options.seed, say=lambda text: print(text, file=sys.stderr, flush=True))
-    detections = [names for names in effects if names]
-    print(
-        json.dumps({"problem": problem.name, "recordings": len(effects), "named": len(detections), "names": detections})
-    )
+    hits = [names for names in effects if names]
+    print(json.dumps({"problem": problem.name, "recordings": len(effects), "named": len(hits), "names": hits}))
     return 0
 
 

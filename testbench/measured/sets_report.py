@@ -113,7 +113,7 @@ def overview(out):
 
 
 def residual_words(data, part):
-    """One sentence on what is left of a held-out part, from the tests in `part_page.residual_of`."""
+    """One sentence on what is left of a held-out part, from the tests in `part_page.describe_residual`."""
     for r in data.get("left", []):
         if part in (r["observable"], r["segment"], f"{r['segment']} {r['observable']}"):
             if r.get("where"):

@@ -1,7 +1,7 @@
 """Trace a recording of a part, and describe the result: one way for `gyro measured trace` and for the page of all sets.
 
-    trace_table   files of a kind that is no problem of the core, such as a table of numbers
-    of_problem    segments that set themselves up: `exam.report`; many small laws: `part_page.run`
+    trace_table     files of a kind that is no problem of the core, such as a table of numbers
+    trace_problem   segments that set themselves up: `exam.report`; many small laws: `part_page.run`
 Source    docs/measured_parts.md
 """
 

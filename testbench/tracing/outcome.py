@@ -26,9 +26,9 @@ def effects(fit, probability, duplicates):
     """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part.
 
     sd is for intervals; d is in units of the fit's own noise, as limits and alarms are
-    same  {law that was not tried: the law that it is, in other parameters}
+    duplicates  {law that was not tried: the law that it is, in other parameters}
     """
-    n, out, interval_sd = len(fit.point.theta), [], _interval_sd(fit)
+    n, out, interval_sd = len(fit.point.theta), [], _ci_sd(fit)
     for i, law in enumerate(fit.model.laws):
         sd, d, c = float(interval_sd[n + i]), float(abs(fit.point.c[i]) / fit.sd[n + i]), float(fit.point.c[i])
         out.append(
@@ -39,7 +39,7 @@ def effects(fit, probability, duplicates):
     return out
 
 
-def _interval_sd(fit):
+def _ci_sd(fit):
     return np.sqrt(np.diag(fit.interval_covariance))
 
 
@@ -190,22 +190,22 @@ def certificates(tracer):
 
 def result(tracer, decision):
     """`Result` of a `trace.Tracer` that has run."""
-    search, problem, probability, free = tracer.found, tracer.problem, {}, {}
+    search_result, problem, probability, free = tracer.found, tracer.problem, {}, {}
     if decision is None:
-        best = search.best
-        free = verdict.free_d(search.fit(best), tracer.identified) if best else {}
-        probability = inclusion(*tracer.posterior) if search.adequate else {}
+        best = search_result.best
+        free = verdict.free_d(search_result.fit(best), tracer.identified) if best else {}
+        probability = inclusion(*tracer.posterior) if search_result.adequate else {}
         rejected = "declared noise rejected" if tracer.noise_rejected else ""
         doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
-        unsupported = verdict.unsupported_law(problem, search.fit(best)) if best else ""
+        unsupported = verdict.unsupported_law(problem, search_result.fit(best)) if best else ""
         sets = tracer.chosen, tracer.untried, tracer.imitated, unsupported, tracer.heldout.log_odds
         evidence = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
         stopped = verdict.naming_obstacle(problem, tracer.base.converged)
-        decision = verdict.with_search(search, tracer.causes, free, evidence, stopped)
+        decision = verdict.with_search(search_result, tracer.causes, free, evidence, stopped)
     out = Result(problem.name, decision.verdict, decision.sentence)
-    if search is not None and search.best and decision.verdict in STATUS:
-        out.effects = effects(search.fit(search.best), probability, tracer.dropped)
+    if search_result is not None and search_result.best and decision.verdict in STATUS:
+        out.effects = effects(search_result.fit(search_result.best), probability, tracer.dropped)
         for row in out.effects:
             row["d_without_priors"] = free[row["law"]]
             row["status"] = STATUS[decision.verdict]
@@ -223,9 +223,9 @@ def result(tracer, decision):
     out.ranking, out.models = ranking_rows(tracer), model_rows(tracer)
     tests = {name: getattr(tracer.alarms, name) for name in ("rotation", "refined", "declared")}
     out.alarms = {name: test and test._asdict() for name, test in tests.items()}
-    search = [*problem.noise_findings, *repeat_findings(tracer.noise, verdict.LEVEL)]
+    noise_findings = [*problem.noise_findings, *repeat_findings(tracer.noise, verdict.LEVEL)]
     out.noise = {"octaves": [o._asdict() for o in tracer.noise.octaves], "p": tracer.noise.p}
-    out.noise["findings"] = [f._asdict() | {"text": f.text} for f in search]
+    out.noise["findings"] = [f._asdict() | {"text": f.text} for f in noise_findings]
     out.identifiability = {
         "directions": [
             {"eigenvalue": d.eigenvalue, "fixed_by": d.fixed_by, "words": d.words} for d in tracer.identified.directions
@@ -236,18 +236,16 @@ def result(tracer, decision):
     out.nuisances = [
         {"name": n.name, "unit": n.unit, "prior": n.value, "prior_sd": n.prior_sd}
         | {"before": float(b), "after": float(x), "sd_before": float(d), "sd": float(s)}
-        for n, b, d, x, s in zip(
-            problem.nuisances, base.point.theta, _interval_sd(base), last.point.theta, _interval_sd(last)
-        )
+        for n, b, d, x, s in zip(problem.nuisances, base.point.theta, _ci_sd(base), last.point.theta, _ci_sd(last))
     ]
     out.null = dict(tracer.power)
     out.power_d90 = out.null.pop("d90", {})
     if decision.verdict in ("none", "noise-model"):
         out.null["limits"] = {k: v for r in tracer.ranked.values() for k, v in limits(r, tracer.laws).items()}
     out.next_experiment = tracer.experiments
-    out.discovery = discovery(tracer, out) if search is not None else {}
+    out.discovery = discovery(tracer, out)
     if decision.verdict == "unexplained":
         out.unexplained = unexplained(tracer, out)
     out.tables = {"chi2_before": condition_table(base), "chi2_after": condition_table(last)}
-    out.options, out.notes = asdict(tracer.options), [*tracer.notes, *(f.text for f in search)]
+    out.options, out.notes = asdict(tracer.options), [*tracer.notes, *(f.text for f in noise_findings)]
     return out

@@ -150,11 +150,9 @@ class Tracer:
         return not judged.failed and judged.chi2["after"] <= judged.limit and not above, why
 
     def heldout_result(self, fits):
-        """`heldout.HeldOut` of {label: Fit}."""
-        by, seed, declared = self.problem.heldout_by, self.options.seed, not self.noise_rejected
-        return heldout.evaluate_heldout(
-            self.problem, self.held, self.predictor, fits, by, seed, declared, self.held_noise
-        )
+        """`heldout.HeldoutResult` of {label: Fit}."""
+        settings = self.problem.heldout_by, self.options.seed, not self.noise_rejected, self.held_noise
+        return heldout.evaluate_heldout(self.problem, self.held, self.predictor, fits, *settings)
 
     def search(self):
         """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""
@@ -222,16 +220,12 @@ class Tracer:
             return
         best, none = (self.found.candidates[names] for names in (self.found.best, ()))
         fitted = best.log_z + log_prior(best.names, self.priors) - none.log_z
-        heldout_odds, laws_text = self.heldout.log_odds, " + ".join(best.names)
+        odds, laws_text = self.heldout.log_odds, " + ".join(best.names)
         harmed = heldout.worse(self.heldout)
         if harmed:
             self.notes.append(f"{laws_text}: held-out error is larger with it: {', '.join(harmed)}")
-        if (
-            harmed
-            or fitted + heldout_odds < -np.log(self.options.alpha)
-            or (heldout_odds < 0.0 and not self.found.adequate)
-        ):
-            self.notes.append(f"{laws_text}: ln odds {fitted:.1f} where fitted, {heldout_odds:.1f} where held out")
+        if harmed or fitted + odds < -np.log(self.options.alpha) or (odds < 0.0 and not self.found.adequate):
+            self.notes.append(f"{laws_text}: ln odds {fitted:.1f} where fitted, {odds:.1f} where held out")
             self.found = self.found._replace(best=(), adequate=False, dropped=best.names)
             self.rivals = []
             self.compare_heldout()
@@ -244,8 +238,9 @@ class Tracer:
             self.imitated = self.specific(self.found.best)
         if self.imitated <= verdict.MOST_IMITATED:
             self.report_progress("causes that do as well")
-            causes_untried = find_causes(self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0])
-            self.causes, self.untried = causes_untried
+            self.causes, self.untried = find_causes(
+                self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0]
+            )
         self.posterior = self.work.posterior()
 
     def specific(self, best):

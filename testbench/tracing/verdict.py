@@ -45,7 +45,7 @@ class Evidence(NamedTuple):
     chosen: bool = False  # by held-out data, where the set that fits best is refused: they cannot judge it too
     untried: int = 0  # sets as near as those of the class that were not refitted
     imitated: float = 0.0  # `specificity.imitated` of sets of this many laws
-    unsupported: str = ""  # of `unsupported`
+    unsupported: str = ""  # of `unsupported_law`
     held_odds: float = np.inf  # ln odds of the set by held-out data alone
 
 
@@ -54,15 +54,13 @@ def free_d(fit, identifiability):
     n, loose = len(fit.point.theta), unseen(identifiability)
     out = {}
     for i, law in enumerate(fit.model.laws):
-        other_columns = np.delete(fit.jacobian, n + i, axis=1)
-        prior_columns = np.delete(fit.model.prior_columns(), n + i, axis=1)
+        columns = np.delete(fit.jacobian, n + i, axis=1)
+        priors = np.delete(fit.model.prior_columns(), n + i, axis=1)
         if loose.shape[1]:
-            other_columns = np.concatenate([other_columns, fit.jacobian[:, :n] @ loose], axis=1)
-            prior_columns = np.concatenate([prior_columns, np.zeros((len(prior_columns), loose.shape[1]))], axis=1)
+            columns = np.concatenate([columns, fit.jacobian[:, :n] @ loose], axis=1)
+            priors = np.concatenate([priors, np.zeros((len(priors), loose.shape[1]))], axis=1)
         s = fit.jacobian[:, n + i : n + i + 1]
-        out[law.name] = float(
-            np.linalg.norm(Projection(other_columns, prior_columns).project_all(s)) * abs(fit.point.c[i])
-        )
+        out[law.name] = float(np.linalg.norm(Projection(columns, priors).project_all(s)) * abs(fit.point.c[i]))
     return out
 
 
@@ -110,7 +108,7 @@ def unsupported_law(problem, fit):
 
 
 def correct_p(p, n_traces):
-    """Sidak: p of the smallest of `looks` such p."""
+    """Sidak: p of the smallest of `n_traces` such p."""
     return float(-np.expm1(n_traces * np.log1p(-min(p, 1 - 1e-15)))) if n_traces > 1 else float(p)
 
 
@@ -150,12 +148,12 @@ def with_search(result, causes, free, evidence, blocked):
     causes    `causes.Cause`s that do as well as each other;   free  `free_d` of the best set
     evidence  `Evidence`;   blocked  why nothing may be named whatever is found; "" if nothing is in the way
     """
-    best, laws_text, doubtful = result.best, " + ".join(result.best or result.dropped), evidence.doubtful
-    if laws_text and doubtful and evidence.heldout and not evidence.confirmed:
-        return Decision("noise-model", f"{doubtful}, and {laws_text} is not confirmed by held-out data")
+    best, laws, doubtful = result.best, " + ".join(result.best or result.dropped), evidence.doubtful
+    if laws and doubtful and evidence.heldout and not evidence.confirmed:
+        return Decision("noise-model", f"{doubtful}, and {laws} is not confirmed by held-out data")
     if result.dropped:
         return Decision(
-            "unexplained", f"something is missing; {laws_text} fits best, but all data together do not bear it out"
+            "unexplained", f"something is missing; {laws} fits best, but all data together do not bear it out"
         )
     if not best:
         what = (
@@ -163,33 +161,29 @@ def with_search(result, causes, free, evidence, blocked):
         )
         return Decision("unexplained", f"{what}, and no law that was tried explains it")
     if blocked:
-        return Decision("unexplained", f"{blocked}: {laws_text} explains a part, and is not named")
+        return Decision("unexplained", f"{blocked}: {laws} explains a part, and is not named")
     if not result.adequate:
-        return Decision("unexplained", f"{laws_text} explains a part; the rest is not explained by the laws tried")
+        return Decision("unexplained", f"{laws} explains a part; the rest is not explained by the laws tried")
     minor = corrections(result.fit(best))
     if minor:
         what = f"{', '.join(minor)} may only correct the shape of a law outside"
-        return Decision("unexplained", f"{laws_text} explains a part: {what}")
+        return Decision("unexplained", f"{laws} explains a part: {what}")
     if evidence.chosen:
         what = "held-out data chose it where the set that fits best is refused"
-        return Decision("unexplained", f"{laws_text} explains it, but {what}: nothing confirms it")
+        return Decision("unexplained", f"{laws} explains it, but {what}: nothing confirms it")
     if evidence.imitated > MOST_IMITATED:
         what = f"sets of {len(best)} laws imitate {evidence.imitated:.0%} of the laws that are left out"
-        return Decision("unexplained", f"{laws_text} explains it, but at this size {what}: none is named")
+        return Decision("unexplained", f"{laws} explains it, but at this size {what}: none is named")
     if evidence.untried:
-        gap = f"{evidence.untried} sets of laws that come as near were not tried"
-        return Decision(
-            "unexplained", f"{laws_text} explains it, but {gap}: its class may be incomplete, none is named"
-        )
+        what = f"{evidence.untried} sets of laws that come as near were not tried"
+        return Decision("unexplained", f"{laws} explains it, but {what}: its class may be incomplete, none is named")
     if evidence.unsupported:
-        return Decision("unexplained", f"{laws_text} explains it, but {evidence.unsupported}: it is not named")
+        return Decision("unexplained", f"{laws} explains it, but {evidence.unsupported}: it is not named")
     if evidence.heldout and evidence.independent and evidence.held_odds < LEAST_HELD:
         what = f"ln odds {evidence.held_odds:.2g} by held-out data, {LEAST_HELD:g} needed"
-        return Decision("unexplained", f"{laws_text} explains it, but nothing confirms it ({what}): it is not named")
+        return Decision("unexplained", f"{laws} explains it, but nothing confirms it ({what}): it is not named")
     if len(causes) > MOST:
-        return Decision(
-            "unexplained", f"{laws_text} explains it, and so do {MOST} other causes or more: no class is named"
-        )
+        return Decision("unexplained", f"{laws} explains it, and so do {MOST} other causes or more: no class is named")
     names = " or ".join(" + ".join(c.names) for c in causes)
     gauge = [law for law in best if free[law] < LEAST_FREE_D]
     more = f"; {', '.join(gauge)}: confounded with nuisances that only their priors hold" if gauge else ""
@@ -200,6 +194,4 @@ def with_search(result, causes, free, evidence, blocked):
     if gauge or len(causes) > 1:
         alike = ": these data do not tell them apart" if len(causes) > 1 else ""
         return Decision("confounded", f"explained by {names}{alike}{more}")
-    return Decision(
-        "named", f"explained by {laws_text}, and by none of the other {len(result.pool) - len(best)} laws tried"
-    )
+    return Decision("named", f"explained by {laws}, and by none of the other {len(result.pool) - len(best)} laws tried")

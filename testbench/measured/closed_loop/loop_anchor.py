@@ -64,8 +64,7 @@ class Anchored(Problem, adds="anchor anchor_certificate check prior_overrun at d
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
     "first starts base stack_fit_rows model_at shift_drive_mode make_run smooth key exact_features hertz "
-    "linear size column axis settle pseudo "
-    "single_condition_problem after timed restore_settle_s"
+    "linear size column axis settle pseudo single_condition_problem after timed restore_settle_s"
 )
 
 
@@ -117,15 +116,13 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         number, offset_hz, start = list(self.conditions).index(condition.id), self.place[condition.id], None
         if not power_on:
             start = loop_runs.model_key(self.shift_drive_mode(Model(self.model), offset_hz))
-        model_run = self.shift_drive_mode(model, offset_hz - shift_hz + jitter_hz(draw))
-        return Run(model_run, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
+        shifted = self.shift_drive_mode(model, offset_hz - shift_hz + jitter_hz(draw))
+        return Run(shifted, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
 
     def restore_settle_s(self, condition, effects):
         """A condition as long after power-on as in the record, if one of the effects asks for that time."""
-        time_effects = self.timed & {name for name, value in effects.items() if value}
-        return (
-            condition._replace(settle_s=self.after.get(condition.id, condition.settle_s)) if time_effects else condition
-        )
+        time_laws = self.timed & {name for name, value in effects.items() if value}
+        return condition._replace(settle_s=self.after.get(condition.id, condition.settle_s)) if time_laws else condition
 
     def smooth(self, requests, take=None):
         """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
@@ -147,10 +144,8 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
 
     def _draws(self, count, power_on=False):
         """{condition: (count, n)} of the averaged plant where the model began, jitter and all."""
-        settings, model = (count, power_on), Model(self.model)
-        keys = {
-            c.id: self.key("draws", settings, c._replace(role=""), self.place[c.id]) for c in self.recorded.conditions
-        }
+        spec, model = (count, power_on), Model(self.model)
+        keys = {c.id: self.key("draws", spec, c._replace(role=""), self.place[c.id]) for c in self.recorded.conditions}
         todo = [c for c in self.recorded.conditions if keys[c.id] not in self.kept.noise]
         feature_rows = self._run([(model, c, k, 0.0) for c in todo for k in range(count)], FAST, power_on)
         for i, c in enumerate(todo):
@@ -170,18 +165,18 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         shifts_hz = self._frequency_shifts_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
         twins = self._draws(max(self.draws, DRAWS))
-        cached_rows = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
-        todo = [(model, c, k, shifts_hz[c.id]) for c in chosen for k in range(len(cached_rows[c.id]), self.draws)]
+        cached = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
+        todo = [(model, c, k, shifts_hz[c.id]) for c in chosen for k in range(len(cached[c.id]), self.draws)]
         results = iter(self._run(todo, EXACT, take=loop_runs.with_densities))
         out = {}
         for c in chosen:
             more = []
-            for k in range(len(cached_rows[c.id]), self.draws):
+            for k in range(len(cached[c.id]), self.draws):
                 values, densities = next(results)
                 more.append(values - twins[c.id][k])
                 self.kept.densities.setdefault(keys[c.id], []).append(densities)
             rows = self.kept.exact[keys[c.id]] = (
-                np.concatenate([cached_rows[c.id], np.array(more)]) if more else cached_rows[c.id]
+                np.concatenate([cached[c.id], np.array(more)]) if more else cached[c.id]
             )
             rows, self._densities[c.id] = rows[: self.draws], self.kept.densities[keys[c.id]][: self.draws]
             v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (shifts_hz[c.id] - self.place[c.id])
@@ -208,10 +203,8 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         point = np.array(theta), {name: float(v) for name, v in effects.items() if v}
         exact, self.at = self.exact_features(*point), point
         self.base, self._draw_rows = {g: v for g, (v, _) in exact.items()}, {g: rows for g, (_, rows) in exact.items()}
-        draw_variances = [
-            self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._draw_rows.items()
-        ]
-        self.prediction_noise = float(np.mean(draw_variances)) / self.draws + 1 / NOISE_DRAWS
+        noise = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._draw_rows.items()]
+        self.prediction_noise = float(np.mean(noise)) / self.draws + 1 / NOISE_DRAWS
         self.anchors += 1
         self.hashes["anchor"] = self.key(self.at[0].tolist(), sorted(self.at[1].items()), self.draws)
 
@@ -253,9 +246,7 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         sd = np.array([n.prior_sd for n in self.nuisances])
         for _ in range(2):
             j = self.stack_fit_rows(self.tangent) * sd
-            r = self.stack_fit_rows(
-                {g: values.mean(axis=0) - self.base[g] for g, values in self.recorded.values.items()}
-            )
+            r = self.stack_fit_rows({g: v.mean(axis=0) - self.base[g] for g, v in self.recorded.values.items()})
             prior_offset_sd = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
             # wide priors: no board is beyond WALL sds, whatever the tangents say
             walls = WALL if self.starts else np.inf

@@ -78,11 +78,9 @@ def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     least, most = number_limits(Effects.model_fields[name])
     if least > low or most < high:
         low, high, reason = max(low, least), min(high, most), f"the range of effects.{name}"
-    harmonic_text = harmonic(ones[0]) if len(ones) == 1 else ""
+    shape = harmonic(ones[0]) if len(ones) == 1 else ""
     new_law = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
-    return Candidate(
-        new_law._replace(low=low, high=high, reason=reason, same=harmonic_text), f"effects.{name}", terms=terms
-    )
+    return Candidate(new_law._replace(low=low, high=high, reason=reason, same=shape), f"effects.{name}", terms=terms)
 
 
 def _cubic_spring(value, device):

@@ -2,7 +2,7 @@
 
     jitter   draw k is moved by jitter_hz(k), quantiles of a normal scatter JITTER_HZ wide
     noise    covariance of draws less what their jitter does, plus that of the jitter
-    R        of its correlations: OWN R_own + (1 - OWN) R_pooled, since edges slip otherwise in each condition
+    R        of its correlations: w R_own + (1 - w) R_pooled, w = CONDITION_WEIGHT: edges slip otherwise in each one
     level    one factor, so that the draws have unit variance in their own noise: R does not give them that
     gain     data are not among the draws that made the noise, and larger by 1 / gain
     along    mean square of draws left out along the laws, in units of that over all directions: weights by R favour
@@ -42,19 +42,19 @@ def jitter_hz(draw):
 
 
 def estimate_noise(draws, shift_hz=JITTER):
-    """{condition: Noise} of {condition: ((draws, n), change per hertz)}; moved_hz: jitter of each draw.
+    """{condition: Noise} of {condition: ((draws, n), change per hertz)}; shift_hz: jitter of each draw.
 
     The scatter of the power-ons is what it is; correlations of the rest are shared among conditions of one length.
     """
-    pools, sigma, scaled_rows = {}, {}, {}
+    pools, sigma, scaled = {}, {}, {}
     jitter = shift_hz - np.mean(shift_hz)
     for name, (rows, slope) in draws.items():
         centred_rows = rows - rows.mean(axis=0) - np.outer(jitter, slope)
         sd = centred_rows.std(axis=0, ddof=1)
         least = 0.1 * np.median(sd.reshape(len(loop_runs.NAMES), -1), axis=1)
         sigma[name] = np.maximum(sd, np.repeat(np.maximum(least, 1e-300), len(sd) // len(loop_runs.NAMES)))
-        scaled_rows[name] = centred_rows / sigma[name]
-        pools.setdefault(rows.shape[1], []).append(scaled_rows[name])
+        scaled[name] = centred_rows / sigma[name]
+        pools.setdefault(rows.shape[1], []).append(scaled[name])
     out = {}
     for name, (rows, slope) in draws.items():
         n, z = rows.shape[1], np.concatenate(pools[rows.shape[1]])
@@ -63,10 +63,7 @@ def estimate_noise(draws, shift_hz=JITTER):
             raise ConfigError(
                 f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
             )
-        r = (
-            CONDITION_WEIGHT * scaled_rows[name].T @ scaled_rows[name] / (len(rows) - 1)
-            + (1 - CONDITION_WEIGHT) * z.T @ z / dof
-        )
+        r = CONDITION_WEIGHT * scaled[name].T @ scaled[name] / (len(rows) - 1) + (1 - CONDITION_WEIGHT) * z.T @ z / dof
         c = r * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
         total_sigma = np.sqrt(np.diag(c))
         out[name] = Noise(total_sigma, np.linalg.cholesky(c / np.outer(total_sigma, total_sigma)))
@@ -79,12 +76,10 @@ def split_draws(draws):
     count = len(next(iter(draws.values()))[0])
     for fold in range(FOLDS):
         out = np.arange(count) % FOLDS == fold
-        training_draws = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
+        training = {k: (rows[~out], slope) for k, (rows, slope) in draws.items()}
         size = np.sqrt(1 + 1 / np.sum(~out))
-        yield (
-            estimate_noise(training_draws, JITTER[~out]),
-            {k: (v[out] - v[~out].mean(axis=0)) / size for k, (v, _) in draws.items()},
-        )
+        excluded = {k: (v[out] - v[~out].mean(axis=0)) / size for k, (v, _) in draws.items()}
+        yield estimate_noise(training, JITTER[~out]), excluded
 
 
 def compute_noise_gain(draws):
@@ -92,9 +87,7 @@ def compute_noise_gain(draws):
 
     Those are inside their own covariance, data are not: 1 over the rms of draws left out, FOLDS times.
     """
-    return float(
-        1 / np.sqrt(np.mean([_mean_square(noise, excluded_draws) for noise, excluded_draws in split_draws(draws)]))
-    )
+    return float(1 / np.sqrt(np.mean([_mean_square(noise, rows) for noise, rows in split_draws(draws)])))
 
 
 def deviations(rows):

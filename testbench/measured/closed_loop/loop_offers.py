@@ -82,20 +82,18 @@ def describe_shadowed_laws(problem):
     if not problem.starts or not slopes or not conditions:
         return ()
     j = problem.stack_fit_rows(problem.tangent) * [n.prior_sd for n in problem.nuisances]
-    shadowed_names = {}
+    shadowed = {}
     for law in problem.laws:
         column = problem.stack_fit_rows(problem.column(law.name))
         free = _unexplained_sigmas(j, column)
-        fixed_sigmas = {k: _unexplained_sigmas(np.delete(j, k, axis=1), column) for k in slopes}
-        most = max(fixed_sigmas, key=fixed_sigmas.get)
-        if free < SHADOWED * fixed_sigmas[most]:
-            shadowed_names.setdefault(problem.nuisances[most].name, []).append(
-                f"{law.name} ({free / fixed_sigmas[most]:.0%} left)"
-            )
+        fixed = {k: _unexplained_sigmas(np.delete(j, k, axis=1), column) for k in slopes}
+        most = max(fixed, key=fixed.get)
+        if free < SHADOWED * fixed[most]:
+            shadowed.setdefault(problem.nuisances[most].name, []).append(f"{law.name} ({free / fixed[most]:.0%} left)")
     return tuple(
         f"not identifiable beside {key}: {', '.join(names)}; to fix it: a second amplitude at two temperatures or more "
         f"({conditions})"
-        for key, names in shadowed_names.items()
+        for key, names in shadowed.items()
     )
 
 

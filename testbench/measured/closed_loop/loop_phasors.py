@@ -54,25 +54,21 @@ def probe(bench, run):
     rate = np.deg2rad(loop_runs.before_dps(run.condition)) + KICK_RAD_S
     out = bench.probed(run, PROBED_FRAMES, rate)
     theta = out.probe_ints[:, 0] / TURN
-    node_phasors = {
-        name: phasors(theta, out.probe_floats[:, engine.PROBE_FLOATS.index(node)]) for name, node in NODES.items()
-    }
+    nodes = {name: phasors(theta, out.probe_floats[:, engine.PROBE_FLOATS.index(node)]) for name, node in NODES.items()}
     step = WINDOW_TICKS // FRAME_TICKS
-    state_phasors = {name: node_phasors[name].mean() for name in ("x", "cx")}
+    states = {name: nodes[name].mean() for name in ("x", "cx")}
     config, tick_turns = run.model.config, np.mean(np.diff(theta) % 1.0)
     leads = build.electrode_leads(config, config.device())
     for name, column, lead in (("u", AMPLITUDE, leads[0]), ("w", FORCE, leads[1])):
-        words = _word_means(out.frames[: step * len(node_phasors[name]), column], step)
+        words = _word_means(out.frames[: step * len(nodes[name]), column], step)
         # a port takes the mean of a staircase, which is that much further on
-        state_phasors[name] = np.linalg.lstsq(words.T, node_phasors[name], rcond=None)[0] * np.exp(
-            2j * np.pi * lead * tick_turns
-        )
-    state_phasors["cy"] = np.vdot(node_phasors["y"], node_phasors["cy"]) / np.vdot(node_phasors["y"], node_phasors["y"])
-    return state_phasors
+        states[name] = np.linalg.lstsq(words.T, nodes[name], rcond=None)[0] * np.exp(2j * np.pi * lead * tick_turns)
+    states["cy"] = np.vdot(nodes["y"], nodes["cy"]) / np.vdot(nodes["y"], nodes["y"])
+    return states
 
 
-def trajectory(run, state_phasors, rows):
-    """{state: (blocks,) phasors} of a run's rows, rate (rad/s), temperature and s from power-on; `at`: see `probe`."""
+def trajectory(run, states, rows):
+    """{state: (blocks,) phasors} of a run's rows, rate (rad/s), temperature and s from power-on; states: `probe`."""
     first, settle = loop_runs.settling(run) % loop_runs.BLOCK, loop_runs.settling(run)
     end = settle + loop_runs.frame_count(run.condition.seconds)
     end -= (end - first) % loop_runs.BLOCK
@@ -82,15 +78,15 @@ def trajectory(run, state_phasors, rows):
 
     x, vx, y, vy, temp, rate = rows.truth[:end].T
     quarter = np.sqrt(np.mean(x[first:] ** 2) / np.mean(vx[first:] ** 2))
-    out = {"y": state_phasors["x"] * mean((y - 1j * quarter * vy) / (x - 1j * quarter * vx))}
+    out = {"y": states["x"] * mean((y - 1j * quarter * vy) / (x - 1j * quarter * vx))}
     words = {"u": AMPLITUDE, "w": FORCE}
     out |= {
-        name: state_phasors[name] @ _word_means(rows.frames[first:end, column], loop_runs.BLOCK)
+        name: states[name] @ _word_means(rows.frames[first:end, column], loop_runs.BLOCK)
         for name, column in words.items()
     }
-    out |= {name: np.full(len(out["y"]), state_phasors[name]) for name in ("x", "cx")}
+    out |= {name: np.full(len(out["y"]), states[name]) for name in ("x", "cx")}
     w_rad_s = 2 * np.pi * features.HZ * rows.frames[end - 1, FREQUENCY]
-    out |= {"vx": 1j * w_rad_s * out["x"], "vy": 1j * w_rad_s * out["y"], "cy": state_phasors["cy"] * out["y"]}
+    out |= {"vx": 1j * w_rad_s * out["x"], "vy": 1j * w_rad_s * out["y"], "cy": states["cy"] * out["y"]}
     t_s = (
         loop_runs.begin_tick(run) / FRAME_TICKS + first + loop_runs.BLOCK * (np.arange(len(out["y"])) + 0.5)
     ) / FRAME_HZ

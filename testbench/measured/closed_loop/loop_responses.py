@@ -51,8 +51,8 @@ class Responses:
         self._make()
 
     def _base(self, run, rows):
-        state_phasors = loop_phasors.probe(self.of.bench, run)
-        return loop_runs.block_means(run, rows), loop_phasors.trajectory(run, state_phasors, rows)
+        states = loop_phasors.probe(self.of.bench, run)
+        return loop_runs.block_means(run, rows), loop_phasors.trajectory(run, states, rows)
 
     def _dwell(self, c):
         """First block of the dwell, and its time in s from power-on, half a frame early."""
@@ -60,29 +60,28 @@ class Responses:
         settle = loop_runs.settling(run)
         return settle // loop_runs.BLOCK, (loop_runs.begin_tick(run) + (settle - 0.5) * FRAME_TICKS) / TICK_HZ
 
-    def _slow_functions(self, c, base):
+    def _courses(self, c, base):
         """{number: text} of the slow functions at a base: 0 constant, 1 a step where the rate has one."""
         out = {} if base == FREQUENCY else {0: ""}
         return out | ({1: f"step({self._dwell(c)[1]:.7f})"} if loop_runs.before_dps(c) != c.rate_dps else {})
 
-    def _block_changes(self, excitations):
+    def _block_changes(self, trials):
         """{key: change of the blocks} of {key: (condition, port, state, step, coefficient)}; frequency held."""
-        per_hz, todo, out = self.of.per_hz, list(excitations), {}
+        per_hz, todo, out = self.of.per_hz, list(trials), {}
         hertz = {
-            key: -v / per_hz if (port, state) == FREQUENCY else 0.0
-            for key, (_, port, state, _, v) in excitations.items()
+            key: -v / per_hz if (port, state) == FREQUENCY else 0.0 for key, (_, port, state, _, v) in trials.items()
         }
         for _ in range(2):
             requests = []
             for key in todo:
-                c, port, state, step, value = excitations[key]
+                c, port, state, step, value = trials[key]
                 # what steps the frequency itself is held at its end: it has another before the dwell
                 frequency_law = f"force_x = {per_hz * hertz[key]!r} {'' if (port, state) == FREQUENCY else step} x"
                 laws = (*self.base_model.laws, f"{port} = {value!r} {step} {state}", frequency_law)
                 requests.append((self.base_model._replace(laws=laws), c, 0, 0.0))
             again = []
             for key, rows in zip(todo, self.of.smooth(requests, loop_runs.block_means)):
-                c, step = excitations[key][0], excitations[key][3]
+                c, step = trials[key][0], trials[key][3]
                 change = rows - self.at[c.id][0]
                 more = float(change[F_WORD, -1])
                 change[F_WORD, self._dwell(c)[0] if step else 0 :] += hertz[key]
@@ -100,27 +99,21 @@ class Responses:
     def _make(self):
         """{(condition, port, state, step): change of the blocks per unit of a share}."""
         bases = [(port, state) for port, pair in BASIS.items() for state in pair]
-        c = max(
-            self.conditions, key=lambda one: (len(self._slow_functions(one, FREQUENCY)), one.a_um, abs(one.rate_dps))
-        )
+        c = max(self.conditions, key=lambda one: (len(self._courses(one, FREQUENCY)), one.a_um, abs(one.rate_dps)))
         values = {base: self._trial_coefficient(c, *base) for base in bases}
-        tried = {
-            b: (c, *b, next(iter(self._slow_functions(c, b).values())), values[b])
-            for b in bases
-            if self._slow_functions(c, b)
-        }
+        tried = {b: (c, *b, next(iter(self._courses(c, b).values())), values[b]) for b in bases if self._courses(c, b)}
         for base, change in self._block_changes(tried).items():
             size = self.of.size({c.id: self.features(c, change)}) * np.sqrt(len(self.of.conditions))
             values[base] *= float(np.clip(AIM / max(size, 1e-3), 1e-3, 1e4))
-        excitations = {
+        trials = {
             (c.id, *base, step, side): (c, *base, text, side * values[base])
             for c in self.conditions
             for base in bases
-            for step, text in self._slow_functions(c, base).items()
+            for step, text in self._courses(c, base).items()
             for side in (1.0, -1.0)
         }
-        changes = self._block_changes(excitations)
-        for name, *base, step, side in excitations:
+        changes = self._block_changes(trials)
+        for name, *base, step, side in trials:
             if side > 0:
                 both = changes[name, *base, step, 1.0] - changes[name, *base, step, -1.0]
                 self.kept[name, *base, step] = both / (2 * values[tuple(base)])

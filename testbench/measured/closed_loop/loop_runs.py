@@ -1,6 +1,6 @@
 """The closed loop under several conditions at once: from a locked state each, through settling into the dwell.
 
-    locked   frame engine from power-on, as `gyro measured record` does it, to START_TICKS
+    lock     frame engine from power-on, as `gyro measured record` does it, to START_TICKS
     runs     (model, condition, seed, whose lock, if not from a power-on of its own) -> features of the dwell
              lanes      exact to the bit, eight at a time on all cores
              baseband   averaged plant, three to six times as fast; its differences are what tangents are made of
@@ -37,9 +37,7 @@ DEG = math.pi / 180
 EARLY_TICKS = 3_000 * FRAME_TICKS  # from here on the averaged plant holds
 START_TICKS = 14_000 * FRAME_TICKS  # 1.75 s: the slowest start-up has locked, and half a second has passed
 SETTLE_S = 1.5  # from START_TICKS to a dwell, if no record says otherwise: what power-on leaves is below a sigma then
-LOCK_SETTLE_S = (
-    2.0  # from a locked state to a dwell: a change of 300 sigmas there leaves 0.2 in loops with zeros at 0.6 Hz
-)
+LOCK_SETTLE_S = 2.0  # from a locked state to a dwell: of 300 sigmas there 0.2 are left in loops with zeros at 0.6 Hz
 LATE = 100  # frames by which a dwell may begin later: nobody knows the drive's phase at a step of the rate
 FIRST_BIN = 64  # frames
 FINE = 64  # frames of each bin in which held-out errors are told
@@ -124,7 +122,7 @@ def seeded_config(model, seed):
 
 
 def begin_tick(run):
-    """Tick at which a run begins: EARLY_TICKS, or HELD_S before the dwell, whatever the locked state's own is."""
+    """Tick at which a run begins: EARLY_TICKS, or LOCK_SETTLE_S before the dwell, whatever that of the lock is."""
     if run.start is None:
         return EARLY_TICKS
     return START_TICKS + FRAME_TICKS * (frame_count(run.condition.settle_s) - frame_count(LOCK_SETTLE_S))
@@ -133,9 +131,8 @@ def begin_tick(run):
 def settling(run):
     """Frames of a run before its dwell; from power-on SETTLE_S are enough."""
     if run.start is None:
-        return (
-            (START_TICKS - EARLY_TICKS) // FRAME_TICKS + frame_count(min(run.condition.settle_s, SETTLE_S)) + run.late
-        )
+        settle = frame_count(min(run.condition.settle_s, SETTLE_S))
+        return (START_TICKS - EARLY_TICKS) // FRAME_TICKS + settle + run.late
     return frame_count(LOCK_SETTLE_S) + run.late
 
 
@@ -364,9 +361,8 @@ def _side_by_side(members):
 def _run_single(run, p, state, play):
     """Rows of a run in an engine by itself; `frame.run` has the bits of the lanes."""
     out = _streams(run)
-    after = play(
-        p, match_switches(p, state), run_length_ticks(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out
-    )
+    state = match_switches(p, state)
+    after = play(p, state, run_length_ticks(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)
     return out
 

@@ -33,16 +33,14 @@ class Symmetry(NamedTuple):
 
     def invariants(self, values):
         """[(words, value, {key: slope})] of what the symmetry leaves, one of each partner."""
-        dependent_value, out = values[self.held], []
+        dependent, out = values[self.held], []
         for key, power in self.partners.items():
             if self.delay:
-                out.append(
-                    (f"{_name(key)} - {_name(self.held)}", values[key] - dependent_value, {key: 1.0, self.held: -1.0})
-                )
+                out.append((f"{_name(key)} - {_name(self.held)}", values[key] - dependent, {key: 1.0, self.held: -1.0}))
                 continue
-            value = values[key] * dependent_value**-power
+            value = values[key] * dependent**-power
             words = f"{_name(key)} {'/' if power > 0 else '*'} {_name(self.held)}"
-            out.append((words, value, {key: value / values[key], self.held: -power * value / dependent_value}))
+            out.append((words, value, {key: value / values[key], self.held: -power * value / dependent}))
         return out
 
 
@@ -78,15 +76,12 @@ def lines(keys, theta, covariance):
     """What no record shows of parameters, and the products that it does show with their sd; () if nothing is tied."""
     values, out = dict(zip(keys, theta)), []
     for s in tied(keys).values():
-        invariant_texts = []
+        texts = []
         for words, value, slopes in s.invariants(values):
             g = np.array([slopes.get(key, 0.0) for key in keys])
-            invariant_texts.append(f"{words} = {value:.6g} +- {np.sqrt(g @ covariance @ g):.2g}")
+            texts.append(f"{words} = {value:.6g} +- {np.sqrt(g @ covariance @ g):.2g}")
         group = ", ".join(map(_name, (s.held, *s.partners)))
-        out.append(
-            f"not identifiable: {s.name} ({group}); identifiable: {'; '.join(invariant_texts)}; to fix it: "
-            f"{s.experiment}"
-        )
+        out.append(f"not identifiable: {s.name} ({group}); identifiable: {'; '.join(texts)}; to fix it: {s.experiment}")
     return (*out, f"not identifiable: {MASS}; to fix it: {MASS_EXPERIMENT}") if out else ()
 
 

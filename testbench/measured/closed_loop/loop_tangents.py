@@ -70,11 +70,9 @@ class Tangents:
 
     def _key(self, role, name):
         """What a column depends on: of a law that asks for the time from power-on, on those of the record too."""
-        after = (
-            [self.of.restore_settle_s(c, {name: 1.0}).settle_s for c in self._conditions(role)]
-            if name in self.of.timed
-            else ()
-        )
+        if name not in self.of.timed:
+            return self._where, role, name
+        after = [self.of.restore_settle_s(c, {name: 1.0}).settle_s for c in self._conditions(role)]
         return self._where, role, name, *after
 
     def matrix(self, role):
@@ -91,7 +89,7 @@ class Tangents:
         directions, changes = [], []
         base = self._predict_points([(self.of.first, {})], chosen)[0]
         points = [(self.of.first + side * step * d * sd, {}) for d, step in self._weak for side in (1, -1)]
-        step_changes = self._fixed_frequency_changes(points, base)
+        step_changes = self._changes(points, base)
         for (d, step), up, down in zip(self._weak, step_changes[::2], step_changes[1::2]):
             if up is not None and down is not None:
                 directions.append(d)
@@ -141,9 +139,7 @@ class Tangents:
             if not todo:
                 break
             again = []
-            for name, change in zip(
-                todo, self._fixed_frequency_changes([self._step_point(name, steps[name]) for name in todo], base)
-            ):
+            for name, change in zip(todo, self._changes([self._step_point(name, steps[name]) for name in todo], base)):
                 if change is None:
                     steps[name] *= SHORTER
                     again.append(name)
@@ -160,9 +156,7 @@ class Tangents:
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
         both = [n for n, v in columns.items() if v is not zero and self._sided(n)]
-        for name, change in zip(
-            both, self._fixed_frequency_changes([self._step_point(n, -steps[n]) for n in both], base)
-        ):
+        for name, change in zip(both, self._changes([self._step_point(n, -steps[n]) for n in both], base)):
             if change is not None:
                 columns[name] = {g: (v - change[g] / steps[name]) / 2 for g, v in columns[name].items()}
         for name in missing:
@@ -230,7 +224,7 @@ class Tangents:
             theta[self.nuisances.index(name)] += step
         return theta, effects
 
-    def _fixed_frequency_changes(self, points, base):
+    def _changes(self, points, base):
         """Changes {group: values} from `base` to points, None where the averaged plant fails.
 
         The drive frequency is held, in two steps; what its change does is put back by `slope`.

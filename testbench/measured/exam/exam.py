@@ -58,7 +58,7 @@ def _decisive(tracer, refused):
 
 def _round(tracer, refused):
     """(`Round`s tried at a calibrated model: the last is kept, or none is; where the last has settled)."""
-    base, total, out, fitted_values = tracer.base.fit, len(tracer.laws), [], _fitted_values(tracer.base.fit)
+    base, total, out, values = tracer.base.fit, len(tracer.laws), [], _fitted_values(tracer.base.fit)
     rows = _decisive(tracer, refused)
     start, tried = log_evidence(base, tracer.identified.scale), []
     for _, name, d in rows[:REFITTED]:
@@ -71,66 +71,58 @@ def _round(tracer, refused):
         if gain < DECISIVE:
             break
         rivals = tuple(other for its, other, _, _ in tried if other != name and abs(its - gain) < DECISIVE)
-        judgement = heldout.evaluate_heldout(
+        result = heldout.evaluate_heldout(
             tracer.problem, tracer.held, tracer.predictor, {"before": base, "after": fit}, "observable"
         )
-        better = (judgement.chi2["before"] - judgement.chi2["after"]) * tracer.held.size
-        heldout_errors = {key: (row["before"], row["after"]) for key, row in judgement.rows.items()}
-        less = all(after < before for before, after in heldout_errors.values())
+        better = (result.chi2["before"] - result.chi2["after"]) * tracer.held.size
+        errors = {key: (row["before"], row["after"]) for key, row in result.rows.items()}
+        less = all(after < before for before, after in errors.values())
         out.append(
-            Round(
-                name,
-                bool(better >= SUPPORTED and less),
-                d,
-                float(fit.point.c[0]),
-                float(better),
-                rivals,
-                heldout_errors,
-            )
+            Round(name, bool(better >= SUPPORTED and less), d, float(fit.point.c[0]), float(better), rivals, errors)
         )
         if out[-1].kept:
-            fitted_values = _fitted_values(fit)
+            values = _fitted_values(fit)
             break
         refused.add(name)
-    return out, fitted_values
+    return out, values
 
 
 def run_stages(problem, most=None, say=None, settings=QUICK):
     """`Staged` of a problem: law after law, each the best of those refitted, kept if held-out data support it."""
     most = problem.most_laws if most is None else most
     first = Tracer(problem, settings, None, None).run()
-    rounds, names, refused, fitted_values = [], [], set(), {}
+    rounds, names, refused, values = [], [], set(), {}
     alarmed = first.verdict not in NOTHING or (first.p_global is not None and first.p_global < settings.alpha / 2)
     while alarmed and len(names) < most:
-        tracer = Tracer(settle(problem, names, fitted_values), settings, None, None)
+        tracer = Tracer(settle(problem, names, values), settings, None, None)
         tracer.dropped = {}
         if not tracer.calibrate() or _has_reached_floor(tracer, tracer.base.fit):
             break
-        tried, fitted_values = _round(tracer, refused)
+        tried, values = _round(tracer, refused)
         rounds += tried
         if say:
             say(f"{', '.join(names) or 'nothing'}: {[(r.law, r.kept) for r in tried]}")
         if not tried or not tried[-1].kept:
             break
         names.append(tried[-1].law)
-    return _staged_result(problem, first, rounds, names, fitted_values, settings)
+    return _staged_result(problem, first, rounds, names, values, settings)
 
 
-def _staged_result(problem, first, rounds, names, fitted_values, settings):
+def _staged_result(problem, first, rounds, names, values, settings):
     """`StagedResult` of laws that are kept, from where the last round has settled."""
     last, fit = first, None
     if names:
-        tracer = Tracer(settle(problem, names, fitted_values), settings, None, None)
+        tracer = Tracer(settle(problem, names, values), settings, None, None)
         last, fit = tracer.run(), tracer.base.fit
     rounds = [r._replace(kept=r.law in names) for r in rounds]
     return StagedResult(first, rounds, last, summary(problem, first, rounds, last, fit))
 
 
-def settle(problem, names, fitted_values):
+def settle(problem, names, values):
     """The problem with laws as part of the model, to be calibrated from where the last round has settled."""
     now = absorb(problem, list(names))
     if names:
-        now.nuisances = tuple(n._replace(value=fitted_values.get(n.name, n.value)) for n in now.nuisances)
+        now.nuisances = tuple(n._replace(value=values.get(n.name, n.value)) for n in now.nuisances)
     return now
 
 
@@ -142,14 +134,12 @@ def _fitted_values(fit):
 
 def fit_stages(problem, names):
     """Fits with none, one, two .. of the laws, each from where the one before has settled."""
-    fitted_values, out = {}, []
+    values, out = {}, []
     for count in range(len(names) + 1):
-        tracer = Tracer(settle(problem, names[:count], fitted_values), QUICK, None, None)
+        tracer = Tracer(settle(problem, names[:count], values), QUICK, None, None)
         tracer.calibrate()
         out.append(tracer.base.fit)
-        fitted_values = (
-            _fitted_values(refit(out[-1], (names[count],), tracer.table)) if count < len(names) else fitted_values
-        )
+        values = _fitted_values(refit(out[-1], (names[count],), tracer.table)) if count < len(names) else values
     return out
 
 
@@ -157,8 +147,8 @@ def judge_segments(problem, names, stage_fits):
     """{segment: {unit, floor, before, after_one_law, after, *_ci}} of all validating and examining segments."""
     out = {}
     for label, count in zip(LABELS, (0, min(1, len(names)), len(names))):
-        for exam_problem in (problem, problem.exam()):
-            now = absorb(exam_problem, list(names[:count]))
+        for part in (problem, problem.exam()):
+            now = absorb(part, list(names[:count]))
             space = Space(now, "validate")
             if not space.size:
                 continue
@@ -172,16 +162,15 @@ def judge_segments(problem, names, stage_fits):
 def residuals(problem, names, stage_fits):
     """{(segment, observable): `part_page.Residual`} of all segments, at the first and the last of the fits."""
     out = {}
-    for exam_problem in (problem, problem.exam()):
-        both = (exam_problem, stage_fits[0]), (absorb(exam_problem, list(names)), stage_fits[-1])
-        for k, segment in enumerate(exam_problem.segments):
+    for part in (problem, problem.exam()):
+        both = (part, stage_fits[0]), (absorb(part, list(names)), stage_fits[-1])
+        for k, segment in enumerate(part.segments):
             before, after = (
-                exam_problem.segment_features(k) - now.predict([(f.point.theta, {})], [k])[0][0] for now, f in both
+                part.segment_features(k) - now.predict([(f.point.theta, {})], [k])[0][0] for now, f in both
             )
             (o,) = segment.observables
-            out[segment.name, o.name] = part_page.Residual(
-                segment.role, o.unit, exam_problem.repeatability_rms(k)[o.name], before, after
-            )
+            rms = part.repeatability_rms(k)[o.name]
+            out[segment.name, o.name] = part_page.Residual(segment.role, o.unit, rms, before, after)
     return out
 
 

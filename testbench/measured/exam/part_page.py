@@ -51,18 +51,16 @@ def is_unexplained(row):
 
 def in_part(data):
     """A report whose laws leave a held-out error above ABOVE floors is "named in part", and says where."""
-    unexplained = [
-        f"{name} {row['after'] / row['floor']:.2g}" for name, row in data["heldout"].items() if is_unexplained(row)
-    ]
-    if data["verdict"] not in ("named", "candidate") or not unexplained:
+    texts = [f"{name} {r['after'] / r['floor']:.2g}" for name, r in data["heldout"].items() if is_unexplained(r)]
+    if data["verdict"] not in ("named", "candidate") or not texts:
         return data
-    words = f"{data['sentence'].rstrip('. ')}. Not explained, in floors: {', '.join(unexplained)}."
+    words = f"{data['sentence'].rstrip('. ')}. Not explained, in floors: {', '.join(texts)}."
     verdict = "named in part" if data["verdict"] == "named" else data["verdict"]
     return data | {"verdict": verdict, "sentence": words}
 
 
 def residuals(problem, staged):
-    """{(segment, observable): `Left`} of all groups, at the fits without and with the laws."""
+    """{(segment, observable): `Residual`} of all groups, at the fits without and with the laws."""
     names = [r.law for r in staged.rounds if r.kept]
     quick = Options(n_null=199, max_laws=1, power=False, experiments=False)
     fits = []
@@ -74,14 +72,12 @@ def residuals(problem, staged):
         if any(fit is None for _, fit in fits):
             continue
         y, floor = problem.segment_features(k), problem.repeatability_rms(k)
-        differences = []
+        misfits = []
         for now, fit in fits:
-            differences.append(y - now.predict([(fit.point.theta, dict(zip(fit.model.names, fit.point.c)))], [k])[0][0])
+            misfits.append(y - now.predict([(fit.point.theta, dict(zip(fit.model.names, fit.point.c)))], [k])[0][0])
         for o in segment.observables:
             rms = floor.get(o.name)
-            out[segment.name, o.name] = Residual(
-                segment.role, o.unit, rms, differences[0][o.rows], differences[1][o.rows]
-            )
+            out[segment.name, o.name] = Residual(segment.role, o.unit, rms, misfits[0][o.rows], misfits[1][o.rows])
     return out
 
 

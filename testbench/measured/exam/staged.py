@@ -65,31 +65,29 @@ class StagedResult(NamedTuple):
 
 def laws_as_nuisances(problem, names):
     """A copy of a problem in which some laws are nuisances: already part of the model."""
-    laws, extended_problem = problem.laws_by_name(), copy.copy(problem)
+    laws, extended = problem.laws_by_name(), copy.copy(problem)
     added = [
         Nuisance(member, laws[name].unit, 0.0, laws[name].scale)
         for name in names
         for member in (problem.families[name].members if name in problem.families else (name,))
     ]
-    replaced_names = {n for name in names if name in problem.families for n in problem.families[name].replaces}
-    remaining_indices = [k for k, n in enumerate(problem.nuisances) if n.name not in replaced_names]
-    extended_problem.nuisances = (*(problem.nuisances[k] for k in remaining_indices), *added)
-    extended_problem.laws = tuple(law for law in problem.laws if law.name not in names)
-    extended_problem.library = tuple(law for law in problem.library if law.name not in names)
-    extended_problem.families = {} if set(names) & set(problem.families) else problem.families
+    replaced = {n for name in names if name in problem.families for n in problem.families[name].replaces}
+    indices = [k for k, n in enumerate(problem.nuisances) if n.name not in replaced]
+    extended.nuisances = (*(problem.nuisances[k] for k in indices), *added)
+    extended.laws = tuple(law for law in problem.laws if law.name not in names)
+    extended.library = tuple(law for law in problem.library if law.name not in names)
+    extended.families = {} if set(names) & set(problem.families) else problem.families
 
     def predict(points, which):
         full_points, added_names = [], [n.name for n in added]
         for theta, c in points:
             full_theta = np.zeros(len(problem.nuisances))
-            full_theta[remaining_indices] = theta[: len(remaining_indices)]
-            full_points.append(
-                (full_theta, dict(zip(added_names, map(float, theta[len(remaining_indices) :]))) | dict(c))
-            )
+            full_theta[indices] = theta[: len(indices)]
+            full_points.append((full_theta, dict(zip(added_names, map(float, theta[len(indices) :]))) | dict(c)))
         return problem.predict(full_points, which)
 
-    extended_problem.predict = predict
-    return extended_problem
+    extended.predict = predict
+    return extended
 
 
 def _decisive(tracer, refused):
@@ -132,16 +130,12 @@ def _try(tracer, row, rows):
         return Round(name, False, d, float("nan"), float("nan"), (), {})
     before, after = tracer.heldout_result({"now": base}), other.heldout_result({"now": fit})
     gain = (before.chi2["now"] - after.chi2["now"]) * tracer.held.size if tracer.held.size else 0.0
-    heldout_errors = {key: (r["now"], after.rows[key]["now"]) for key, r in before.rows.items()}
+    errors = {key: (r["now"], after.rows[key]["now"]) for key, r in before.rows.items()}
     worse = []
     if law.kind != "plant":
-        judgement = tracer.heldout_result({"before": base, "after": fit})
-        worse = [
-            key for key, r in judgement.rows.items() if r["gain_ci"][1] < 0 and r["after"] > HARMLESS * r["before"]
-        ]
-    return Round(
-        name, gain >= SUPPORTED and not worse, d, value, float(gain), _similar_rivals(row, rows), heldout_errors
-    )
+        result = tracer.heldout_result({"before": base, "after": fit})
+        worse = [key for key, r in result.rows.items() if r["gain_ci"][1] < 0 and r["after"] > HARMLESS * r["before"]]
+    return Round(name, gain >= SUPPORTED and not worse, d, value, float(gain), _similar_rivals(row, rows), errors)
 
 
 def _drop_worsening(problem, names, rounds, options):
@@ -194,7 +188,7 @@ def _has_strayed(dependents, nuisances, theta):
 
 
 def absorb(problem, names):
-    """The problem with some laws as part of the model: its own way (a law may bring more nuisances), or `known`."""
+    """The problem with some laws as part of the model: its own way (it may bring more nuisances), or as nuisances."""
     return (problem.absorb_laws(names) or laws_as_nuisances(problem, tuple(names))) if names else problem
 
 
@@ -253,22 +247,15 @@ def _effect(problem, law, r, fit, sd):
     names = [n.name for n in fit.model.problem.nuisances]
     members = _coefficients(problem, r.law)
     values = {m: (float(fit.point.theta[names.index(m)]), float(sd[names.index(m)])) for m in members}
-    (value, value_sd), more = values[members[0]], {}
+    (value, sigma), more = values[members[0]], {}
     if r.law in problem.families:
         c, s = np.array(list(values.values())).T
-        value, value_sd = float(np.sqrt(np.mean(c**2))), float(np.sqrt(np.mean(s**2)))
+        value, sigma = float(np.sqrt(np.mean(c**2))), float(np.sqrt(np.mean(s**2)))
         more = {"coefficients": {m: {"value": v, "sd": s} for m, (v, s) in values.items()}}
     unsure = r.rivals or " or " in law.port
     status = "confounded" if unsure else "named" if problem.heldout_independent else "candidate"
     return (
-        {
-            "law": law.name,
-            "port": law.port,
-            "value": value,
-            "sd": value_sd,
-            "unit": law.unit,
-            "d": abs(value) / value_sd,
-        }
+        {"law": law.name, "port": law.port, "value": value, "sd": sigma, "unit": law.unit, "d": abs(value) / sigma}
         | {"d_when_added": r.d, "heldout_chi2_gain": r.chi2_gain, "kind": law.kind, "text": law.text}
         | {"page": law.page, "status": status, "rivals": list(r.rivals)}
         | problem.details(r.law, dict(zip(names, map(float, fit.point.theta))))
@@ -276,10 +263,10 @@ def _effect(problem, law, r, fit, sd):
     )
 
 
-def _affected_observables(problem, accepted_rounds, fit):
+def _affected_observables(problem, accepted, fit):
     """Observables whose prediction changes when the coefficients of some laws are halved."""
     now, theta = fit.model.problem, np.array(fit.point.theta, float)
-    coefficient_names = [m for r in accepted_rounds for m in _coefficients(problem, r.law)]
+    coefficient_names = [m for r in accepted for m in _coefficients(problem, r.law)]
     half = np.where([n.name in coefficient_names for n in now.nuisances], 0.5, 1.0)
     which = list(range(len(now.segments)))
     full, other = now.predict([(theta, {}), (theta * half, {})], which)
@@ -289,41 +276,39 @@ def _affected_observables(problem, accepted_rounds, fit):
 
 def summary(problem, first, rounds, last, fit, superseded=()):
     """JSON of all together: the keys of a trace, with one entry per law that was kept. fit: with them, or None."""
-    accepted_rounds, data = [r for r in rounds if r.kept], {}
+    accepted, data = [r for r in rounds if r.kept], {}
     laws = {name: law for r in rounds for name, law in absorb(problem, _before(rounds, r)).laws_by_name().items()}
-    sd = intervals.stated_sd(fit) if accepted_rounds else None
+    sd = intervals.stated_sd(fit) if accepted else None
     by_group = problem.heldout_by != "observable"
-    affected = (
-        set(first.heldout) if by_group or not accepted_rounds else _affected_observables(problem, accepted_rounds, fit)
-    )
-    effects = [_effect(problem, laws[r.law], r, fit, sd) for r in accepted_rounds]
+    affected = set(first.heldout) if by_group or not accepted else _affected_observables(problem, accepted, fit)
+    effects = [_effect(problem, laws[r.law], r, fit, sd) for r in accepted]
     for key, row in first.heldout.items():
-        end = last.heldout.get(key, row) if accepted_rounds else row
-        one = accepted_rounds[0].heldout.get(key, (row["before"],) * 2)[1] if accepted_rounds else row["before"]
-        end, one = (end, one) if key in affected or not accepted_rounds else (row, row["before"])
+        end = last.heldout.get(key, row) if accepted else row
+        one = accepted[0].heldout.get(key, (row["before"],) * 2)[1] if accepted else row["before"]
+        end, one = (end, one) if key in affected or not accepted else (row, row["before"])
         data[key] = {k: row[k] for k in ("unit", "floor", "before", "before_ci")}
         data[key] |= {"after_one_law": one, "after": end["before"], "after_ci": end["before_ci"]}
     has_residual = last.verdict not in NOTHING
-    if not accepted_rounds:
+    if not accepted:
         # without repeats a misfit that no law explains on held-out data is not told from noise
         is_decided = first.verdict in (*NOTHING, "firmware") or not first.certificates["repeats"]["R14"]
         verdict = first.verdict if is_decided else "noise-model"
         # a first trace may name what held-out data do not bear out
         verdict = "unexplained" if verdict in ("named", "confounded", "candidate") else verdict
     else:
-        unsure = any(r.rivals for r in accepted_rounds[:1]) or any(" or " in e["port"] for e in effects)
+        unsure = any(r.rivals for r in accepted[:1]) or any(" or " in e["port"] for e in effects)
         verdict = "candidate" if not problem.heldout_independent else "confounded" if unsure else "named"
-    words = f"{len(accepted_rounds)} law(s): {', '.join(r.law for r in accepted_rounds)}; " if accepted_rounds else ""
+    words = f"{len(accepted)} law(s): {', '.join(r.law for r in accepted)}; " if accepted else ""
     return plain_value(
         {
             "problem": problem.name,
             "verdict": verdict,
-            "sentence": f"{words}{'left: ' if accepted_rounds else ''}{last.sentence}",
+            "sentence": f"{words}{'left: ' if accepted else ''}{last.sentence}",
             "effects": effects,
             "heldout": data,
             "p_global": first.p_global,
-            "p_left": last.p_global if accepted_rounds else first.p_global,
-            "something_left": bool(accepted_rounds and (has_residual or (last.p_global or 1.0) < 0.01)),
+            "p_left": last.p_global if accepted else first.p_global,
+            "something_left": bool(accepted and (has_residual or (last.p_global or 1.0) < 0.01)),
             "heldout_chi2": {"before": first.heldout_chi2.get("before"), "after": last.heldout_chi2.get("before")},
             "not_carried_over": [r.law for r in rounds if not r.kept and r.law not in superseded],
             "superseded": list(superseded),

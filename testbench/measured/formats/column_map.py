@@ -106,8 +106,8 @@ def read(path):
     file = (path.parent / stated.file).resolve()
     if not file.is_relative_to(path.parent.resolve()):
         raise FileError(f"{path}: file: {stated.file[:80]!r} leads out of the folder")
-    mapped_table = _MappedTable(path, stated, file)
-    return MAKERS[stated.kind](mapped_table)
+    mapped = _MappedTable(path, stated, file)
+    return MAKERS[stated.kind](mapped)
 
 
 class _MappedTable:
@@ -201,26 +201,23 @@ def _axis_first(one, axis):
     return tuple(Column(role, "", v, AXIS if role == axis else "signal") for role, v in one.items())
 
 
-def _make_trace(mapped_table):
-    axis = "time" if mapped_table.stated.kind == "ring-down" else "frequency"
-    mapped_table.one = {axis: mapped_table.one[axis], "power": mapped_table.one["power"]}
-    findings = mapped_table.ordered(axis, axis == "time")
-    x = mapped_table.one[axis]
+def _make_trace(mapped):
+    axis = "time" if mapped.stated.kind == "ring-down" else "frequency"
+    mapped.one = {axis: mapped.one[axis], "power": mapped.one["power"]}
+    findings = mapped.ordered(axis, axis == "time")
+    x = mapped.one[axis]
     if x[-1] == x[0]:
-        raise FileError(f"{mapped_table.path}: {axis} stands still")
-    header = {
-        "sample id": str(mapped_table.head.get("sample", "")),
-        "date and time": str(mapped_table.head.get("date", "")),
-    }
-    header["frequency [hz]"] = str(mapped_table.head.get("frequency_hz", "nan"))
-    header["quality factor"] = str(mapped_table.head.get("quality", "nan"))
+        raise FileError(f"{mapped.path}: {axis} stands still")
+    header = {"sample id": str(mapped.head.get("sample", "")), "date and time": str(mapped.head.get("date", ""))}
+    header["frequency [hz]"] = str(mapped.head.get("frequency_hz", "nan"))
+    header["quality factor"] = str(mapped.head.get("quality", "nan"))
     kind = "ringdown" if axis == "time" else "spectrum"
     grid = x if kind == "ringdown" else on_grid(x)
-    return Trace(str(mapped_table.file), header, kind, grid, mapped_table.one["power"], x, findings)
+    return Trace(str(mapped.file), header, kind, grid, mapped.one["power"], x, findings)
 
 
-def _make_sweep(mapped_table):
-    one = mapped_table.one
+def _make_sweep(mapped):
+    one = mapped.one
     s, polar = {"s11": np.zeros(len(one["frequency"]), complex)}, {}
     for name in ("s11", "s21"):
         if {f"{name}_re", f"{name}_im"} <= set(one):
@@ -229,76 +226,68 @@ def _make_sweep(mapped_table):
             polar[name] = one[f"{name}_db"], one[f"{name}_deg"]
             s[name] = 10 ** (polar[name][0] / 20) * np.exp(1j * np.deg2rad(polar[name][1]))
     if "s21" not in s:
-        raise FileError(f"{mapped_table.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
-    mapped_table.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
-    mapped_table.ordered("frequency", True)
-    f, date = one["frequency"], str(mapped_table.head.get("date", ""))
-    return Sweep(str(mapped_table.file), (date,), f, s, 50.0, False, grid_step(f), polar, bool(polar))
+        raise FileError(f"{mapped.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
+    mapped.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
+    mapped.ordered("frequency", True)
+    f, date = one["frequency"], str(mapped.head.get("date", ""))
+    return Sweep(str(mapped.file), (date,), f, s, 50.0, False, grid_step(f), polar, bool(polar))
 
 
-def _make_meters(mapped_table):
-    readings, spreads = (mapped_table.many[role] for role in ("readings", "spreads"))
+def _make_meters(mapped):
+    readings, spreads = (mapped.many[role] for role in ("readings", "spreads"))
     if spreads and len(spreads) != len(readings):
         raise FileError(
-            f"{mapped_table.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
+            f"{mapped.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
         )
-    findings = mapped_table.ordered("time", False)
-    many = mapped_table.many
+    findings = mapped.ordered("time", False)
+    many = mapped.many
     return Meters(
-        mapped_table.path,
-        mapped_table.sha256,
-        mapped_table.one["time"] - mapped_table.one["time"][0],
-        mapped_table.one["source"],
-        mapped_table.names("readings"),
+        mapped.path,
+        mapped.sha256,
+        mapped.one["time"] - mapped.one["time"][0],
+        mapped.one["source"],
+        mapped.names("readings"),
         np.column_stack(many["readings"]),
         np.column_stack(many["spreads"]) if spreads else None,
-        dict(zip(mapped_table.names("environment"), many["environment"])),
+        dict(zip(mapped.names("environment"), many["environment"])),
         findings,
     )
 
 
-def _make_levels(mapped_table):
-    n = len(mapped_table.many["levels"][0])
+def _make_levels(mapped):
+    n = len(mapped.many["levels"][0])
     bits = n.bit_length() - 1
-    code = mapped_table.one.get("code", np.arange(n))
+    code = mapped.one.get("code", np.arange(n))
     if n != 1 << bits or not 8 <= bits <= 18 or not np.array_equal(np.sort(code - code.min()), np.arange(n)):
-        raise FileError(f"{mapped_table.path}: {n} levels; 2^8 .. 2^18 wanted, each code once")
+        raise FileError(f"{mapped.path}: {n} levels; 2^8 .. 2^18 wanted, each code once")
     order = np.argsort(code)
-    channels = {name: v[order] for name, v in zip(mapped_table.names("levels"), mapped_table.many["levels"])}
-    return Levels(mapped_table.path, mapped_table.sha256, bits, channels)
+    channels = {name: v[order] for name, v in zip(mapped.names("levels"), mapped.many["levels"])}
+    return Levels(mapped.path, mapped.sha256, bits, channels)
 
 
-def _make_driven(mapped_table):
-    still = [role for role in ("input", "output") if np.ptp(mapped_table.one[role]) == 0]
+def _make_driven(mapped):
+    still = [role for role in ("input", "output") if np.ptp(mapped.one[role]) == 0]
     if still:
-        raise FileError(f"{mapped_table.path}: {still[0]} is the same in all rows")
-    return InputOutput(
-        str(mapped_table.path), mapped_table.one["input"], mapped_table.one["output"], mapped_table.rate_hz(), False
-    )
+        raise FileError(f"{mapped.path}: {still[0]} is the same in all rows")
+    return InputOutput(str(mapped.path), mapped.one["input"], mapped.one["output"], mapped.rate_hz(), False)
 
 
-def _make_zero_rate(mapped_table):
-    rate, table = mapped_table.rate_hz(), np.column_stack(mapped_table.many["axes"])
-    counted = [r.unit == "count" for r in mapped_table.stated.axes]
+def _make_zero_rate(mapped):
+    rate, table = mapped.rate_hz(), np.column_stack(mapped.many["axes"])
+    counted = [r.unit == "count" for r in mapped.stated.axes]
     if any(counted):
         if not all(counted):
-            raise FileError(f"{mapped_table.path}: axes: all in counts, or none")
-        lsb, counts = mapped_table.number("lsb_deg_per_s", 1e-12, 1e6), table
+            raise FileError(f"{mapped.path}: axes: all in counts, or none")
+        lsb, counts = mapped.number("lsb_deg_per_s", 1e-12, 1e6), table
     else:
         # rates on no grid are put on one far finer than their noise
         noise_lsb = min(grid_step(v) or 1e-3 * noise_sd(v) for v in table.T)
-        lsb = mapped_table.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in mapped_table.head else noise_lsb
+        lsb = mapped.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in mapped.head else noise_lsb
         if not lsb > 0:
-            raise FileError(f"{mapped_table.path}: axes: an axis without noise")
+            raise FileError(f"{mapped.path}: axes: an axis without noise")
         counts = table / lsb
-    return ZeroRateRecord(mapped_table.path, mapped_table.sha256, np.round(counts).astype(np.int64), lsb, rate)
+    return ZeroRateRecord(mapped.path, mapped.sha256, np.round(counts).astype(np.int64), lsb, rate)
 
 
-MAKERS = {
-    "ring-down": _make_trace,
-    "spectrum": _make_trace,
-    "sweep": _make_sweep,
-    "meters": _make_meters,
-    "levels": _make_levels,
-}
-MAKERS |= {"driven": _make_driven, "rest": _make_zero_rate}
+MAKERS = {"ring-down": _make_trace, "spectrum": _make_trace, "sweep": _make_sweep, "meters": _make_meters}
+MAKERS |= {"levels": _make_levels, "driven": _make_driven, "rest": _make_zero_rate}

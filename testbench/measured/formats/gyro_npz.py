@@ -54,6 +54,5 @@ def read(path):
     if np.any(np.ptp(counts, axis=0) == 0):
         raise FileError(f"{path}: axis {int(np.argmin(np.ptp(counts, axis=0)))} is the same in all samples")
     digest = hashlib.sha256(data).hexdigest()
-    return ZeroRateRecord(
-        path, digest, counts, _scalar(path, variables, "_deg_s", *LSB_DEG_S), _scalar(path, variables, "_hz", *RATE_HZ)
-    )
+    lsb, rate = _scalar(path, variables, "_deg_s", *LSB_DEG_S), _scalar(path, variables, "_hz", *RATE_HZ)
+    return ZeroRateRecord(path, digest, counts, lsb, rate)

@@ -68,9 +68,8 @@ def read(path):
         raise FileError(f"{path}: line 1: no column of readings behind the source")
     seconds = np.array([(t - when[0]).total_seconds() for t in when])
     axis = Column("time", "s", seconds, AXIS)
-    order, findings = backwards.rising(
-        Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0]))), False, True
-    )
+    sheet = Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0])))
+    order, findings = backwards.rising(sheet, False, True)
     if order is not None:
         seconds, table = (seconds - seconds[-1])[order], table[order]
     for name, fixed in (("time", seconds), ("source", table[:, 0]), *((columns[i], table[:, i]) for i in meters)):

@@ -62,10 +62,9 @@ def lacking(path):
         return f"MATLAB file with {sizes}; wanted V1 and V2 (V), or vectors of 2^8 .. 2^18 rising levels (V)"
     comment = next((line for line in lines if line.startswith("%")), None)
     if comment:
-        column_line = next((line for line in lines if line.startswith("%") and "," in line), comment)
+        title = next((line for line in lines if line.startswith("%") and "," in line), comment)
         return (
-            f"ring-down or spectrum: found {column_line[:80]!r}, wanted '% time [s], power [dBm]' or '% frequency "
-            "[Hz], ...'"
+            f"ring-down or spectrum: found {title[:80]!r}, wanted '% time [s], power [dBm]' or '% frequency [Hz], ...'"
         )
     option = next((line for line in lines if line.startswith("#")), None)
     if option:

@@ -1,7 +1,7 @@
 """What each reader's content is to the checks of data quality: its columns, with role, unit and limits.
 
-of(content, channel)       `quality.sheet.Sheet`; of a converter's levels one channel: that of the largest swing
-examine(paths, channel)    findings about files of one part
+content_sheet(content, channel)   `quality.sheet.Sheet`; of a converter's levels the channel of the largest swing
+examine(paths, channel)           findings about files of one part
 """
 
 import numpy as np
@@ -99,13 +99,8 @@ def _zero_rate_sheet(c):
     return Sheet(str(c.path), "rest", columns, stated={"lsb_deg_per_s": c.lsb_deg_per_s, "rate_hz": c.rate_hz})
 
 
-KINDS = {
-    Trace: _trace_sheet,
-    Sweep: _sweep_sheet,
-    Meters: _meters_sheet,
-    InputOutput: _driven_sheet,
-    ZeroRateRecord: _zero_rate_sheet,
-}
+KINDS = {Trace: _trace_sheet, Sweep: _sweep_sheet, Meters: _meters_sheet}
+KINDS |= {InputOutput: _driven_sheet, ZeroRateRecord: _zero_rate_sheet}
 
 
 def examine(paths, channel=None):

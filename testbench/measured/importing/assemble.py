@@ -218,9 +218,8 @@ def _stimulus(b, a, name):
 
 def _set(b, p):
     """What is set at the end of a part: amplitude, detuning, temperature, rate."""
-    return tuple(
-        t.value_at(p.end - 1) for t in (b.tracks.a_um, b.tracks.detune_deg, b.tracks.temp_degc, b.tracks.rate_dps)
-    )
+    t, end = b.tracks, p.end - 1
+    return tuple(one.value_at(end) for one in (t.a_um, t.detune_deg, t.temp_degc, t.rate_dps))
 
 
 def _group(b, p, k, groups, condition_keys):

@@ -57,16 +57,14 @@ def board(path, mapping, k, config):
     line = time_line.line(path, numbers[time.column] if time else None, time, values)
     if len(line.rows) < 2:
         raise FileError(f"{path}: {len(line.rows)} rows behind the power-on, expected two or more")
-    profile, writes, is_validation = mapping.file_settings(k)
+    profile, writes, heldout = mapping.file_settings(k)
     log, tracks = _registers(mapping, profile, writes, config)
     tracks = dwells.Tracks(*(t.shift_origin(line.begin) for t in tracks))
     log = [(max(0, edge - FRAME_CYCLES * line.begin), name, raw) for edge, name, raw in log]
     raw = all(stream_codes[name].raw for name in schema.ADC)
     frames = int(line.frames[-1]) + line.decimated
     streams = _dense(line, frames, values)
-    out = Board(
-        path, line, frames, streams, lsb_v, raw, log, tracks, profile, is_validation, words=[*words, *line.words]
-    )
+    out = Board(path, line, frames, streams, lsb_v, raw, log, tracks, profile, heldout, words=[*words, *line.words])
     if line.lost and line.powered:
         _cut(out)
     return out

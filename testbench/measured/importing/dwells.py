@@ -113,10 +113,8 @@ def find_parts(tracks, locked, options, role="fit"):
     dwells = [(begin, begin + length) for _, begin, b in spans if b - begin >= length > 0]
     for number, (begin, end) in enumerate(dwells, 1):
         dwell_role = "validate" if number in options.held_out else role
-        rows += [
-            (rows[-1][1], begin, f"settle{number}", "settle", "none"),
-            (begin, end, f"d{number}", "dwell", dwell_role),
-        ]
+        rows.append((rows[-1][1], begin, f"settle{number}", "settle", "none"))
+        rows.append((begin, end, f"d{number}", "dwell", dwell_role))
     # between dwells the rate may step: no condition holds there
     rows.append((rows[-1][1], frames, "rest", "warmup", "none"))
     breaks = [f for t in tracks for f in t.changes()]
@@ -131,12 +129,10 @@ def _spans(tracks, locked, lock, settle):
     """(first frame of a condition, first of a dwell in it, its end), where the board is locked."""
     steps = set(tracks.rate_dps.changes())
     edges = (np.flatnonzero(np.diff(locked.astype(np.int8))) + 1).tolist()
-    other_changes = {f for t in tracks[1:] for f in t.changes()} | set(edges)
+    breaks = {f for t in tracks[1:] for f in t.changes()} | set(edges)
     calm = lock
-    for a, b in itertools.pairwise(
-        [lock, *sorted(f for f in steps | other_changes if lock < f < len(locked)), len(locked)]
-    ):
-        begin = a if a in steps and a not in other_changes and a - calm >= settle else a + settle
+    for a, b in itertools.pairwise([lock, *sorted(f for f in steps | breaks if lock < f < len(locked)), len(locked)]):
+        begin = a if a in steps and a not in breaks and a - calm >= settle else a + settle
         calm = a
         if a < len(locked) and locked[a] and b - begin >= LEAST_FRAMES:
             yield a, begin, b
@@ -159,9 +155,7 @@ def stated_parts(rows, begin, frames, where):
     for one in sorted(rows, key=lambda s: s.from_s):
         first, end = (round(t * FRAME_HZ) - begin for t in (one.from_s, one.to_s))
         if first < 0 or end > frames:
-            file_span = f"{begin / FRAME_HZ:g} .. {(begin + frames) / FRAME_HZ:g} s"
-            raise ConfigError(
-                f"{where}: segment {one.id}: {one.from_s:g} .. {one.to_s:g} s, the file holds {file_span}"
-            )
+            span = f"{begin / FRAME_HZ:g} .. {(begin + frames) / FRAME_HZ:g} s"
+            raise ConfigError(f"{where}: segment {one.id}: {one.from_s:g} .. {one.to_s:g} s, the file holds {span}")
         out.append(Part(one.id, first, end, one.kind, one.role, one.group or one.id))
     return out

@@ -53,18 +53,14 @@ def _frame_steps(path, stamps_s):
             f"{path}: rows are {usual * FRAME_S * 1e6:.6g} us apart, expected a multiple of 125 us within 1 %"
         )
     steps /= decimated
-    row_steps = np.rint(steps)
-    off = np.abs(steps - row_steps) - RATE * np.abs(row_steps)
+    counts = np.rint(steps)
+    off = np.abs(steps - counts) - RATE * np.abs(counts)
     if len(off) and off.max() > GRID_TOLERANCE:
         row = int(np.argmax(off))
         raise FileError(f"{path}: row {row + 2}: a step of {steps[row]:.3f} rows, expected a whole number")
-    if row_steps.sum() > MOST_LOST * len(stamps_s):
-        raise FileError(f"{path}: stamps span {row_steps.sum():.0f} rows, the file has {len(stamps_s)}")
-    return (
-        row_steps.astype(np.int64),
-        decimated,
-        _rate(stamps_s, np.concatenate([[0], np.cumsum(row_steps)]) * decimated),
-    )
+    if counts.sum() > MOST_LOST * len(stamps_s):
+        raise FileError(f"{path}: stamps span {counts.sum():.0f} rows, the file has {len(stamps_s)}")
+    return counts.astype(np.int64), decimated, _rate(stamps_s, np.concatenate([[0], np.cumsum(counts)]) * decimated)
 
 
 def _rate(stamps_s, frames):
@@ -89,14 +85,14 @@ def line(path, stamps, time, codes):
     if stamps is None:
         words = ("assumed: rows are frames of 125 us, none is missing",)
     else:
-        row_steps, decimated, words = _frame_steps(path, stamps * TIME_S[time.unit])
-        again = np.flatnonzero(row_steps == 0) + 1
+        counts, decimated, words = _frame_steps(path, stamps * TIME_S[time.unit])
+        again = np.flatnonzero(counts == 0) + 1
         differing = [k for k in again if any(codes[name][k] != codes[name][k - 1] for name in schema.ADC)]
         if differing:
             raise FileError(f"{path}: row {differing[0] + 1}: two rows of one time with different codes")
         if len(again):
             words += (f"left out: {len(again)} repeated rows, the first is row {again[0] + 1}",)
-        frames = np.concatenate([[0], np.cumsum(row_steps)]) * decimated
+        frames = np.concatenate([[0], np.cumsum(counts)]) * decimated
         rows = np.delete(rows, again)
         frames = frames[rows]
     jumps = np.flatnonzero(np.diff(frames) > decimated)
@@ -107,22 +103,12 @@ def line(path, stamps, time, codes):
             f"lost: {sum(n for _, n in lost)} frames in {len(lost)} gaps, the first behind frame {lost[0][0] - 1}",
         )
     if not powered:
-        return Line(
-            rows, frames - frames[0], decimated, False, max(first, 0), _shift_gaps(lost, frames[0]), (*words, how)
-        )
-    since_power_on = frames >= first
-    return Line(
-        rows[since_power_on],
-        frames[since_power_on] - first,
-        decimated,
-        True,
-        0,
-        _shift_gaps(lost, first),
-        (*words, how),
-    )
+        return Line(rows, frames - frames[0], decimated, False, max(first, 0), _rebase(lost, frames[0]), (*words, how))
+    used = frames >= first
+    return Line(rows[used], frames[used] - first, decimated, True, 0, _rebase(lost, first), (*words, how))
 
 
-def _shift_gaps(lost, first):
+def _rebase(lost, first):
     return tuple((a - first, n) for a, n in lost if a + n > first)
 
 

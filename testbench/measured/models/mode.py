@@ -51,7 +51,7 @@ def propagator(f_hz, q, h_s):
 
 
 @kernel
-def _run(a, b0, b1, force, table, gain, state_indices, w, u, ticks, x):
+def _run(a, b0, b1, force, table, gain, indices, w, u, ticks, x):
     """x at every `ticks`-th tick; w holds the states. Mutates w and x. True if it stays finite."""
     k = 0
     for n in range(len(x)):
@@ -60,7 +60,7 @@ def _run(a, b0, b1, force, table, gain, state_indices, w, u, ticks, x):
             return False
         for _ in range(ticks):
             w[U] = u[k]
-            kick, _ = law.impulses(force, table, gain, w, state_indices, 0, 0, law.NO_LEADS)
+            kick, _ = law.impulses(force, table, gain, w, indices, 0, 0, law.NO_LEADS)
             v = w[VX] + kick
             after = u[k + 1] if k + 1 < len(u) else u[k]
             at = a[0, 0] * w[X] + a[0, 1] * v + b0[0] * u[k] + b1[0] * after
@@ -93,10 +93,8 @@ def run(f_hz, q, force_n, drive_v, plant_laws, h_s, ticks, state):
     w = np.zeros(WIDTH)
     w[X], w[VX] = state[0], state[1] * 2 * np.pi * f_hz / resonator.W_RAD_PER_S
     x = np.empty(len(drive_v) // ticks)
-    state_indices = np.arange(WIDTH)
-    fine = _run(
-        a, b0 * force_n, b1 * force_n, p.force, p.table, p.numbers[:, 0].copy(), state_indices, w, drive_v, ticks, x
-    )
+    indices = np.arange(WIDTH)
+    fine = _run(a, b0 * force_n, b1 * force_n, p.force, p.table, p.numbers[:, 0].copy(), indices, w, drive_v, ticks, x)
     return x if fine else None
 
 

@@ -191,13 +191,9 @@ def problem(data, name="voltmeters on one source", roles=None):
     def axis(segment):
         return data.source_v[choose if segment == "chooses" else ~choose], "source (V)"
 
-    meters_problem = Meters(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
-    meters_problem.most_laws, meters_problem.full_v, meters_problem.heldout_independent = (
-        LAWS_PER_METER * meters,
-        full_v(data),
-        False,
-    )
-    return meters_problem
+    out = Meters(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
+    out.most_laws, out.full_v, out.heldout_independent = LAWS_PER_METER * meters, full_v(data), False
+    return out
 
 
 def jobs(paths):

@@ -207,7 +207,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
             segment = Segment(f"{sessions[0].name} {role}", {}, role, 0, role, observables)
             stretches.append(Stretch(segment, data[0][turn == k], noise))
         columns = {n: [v[turn == 0], v[turn == 1]] for n, v in table.items()}
-        levels_problem = Levels(name, nuisances, laws, stretches, columns, hashes or {})
+        out = Levels(name, nuisances, laws, stretches, columns, hashes or {})
     else:
         chosen = set(range((len(sessions) + 1) // 2)) if fit is None else set(fit)
         observables, stretches = (Observable("level", "LSB", slice(0, blocks)),), []
@@ -216,17 +216,11 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
             stretches.append(Stretch(Segment(s.name, {}, group, k, role, observables), y, noise))
         columns = {n: [v] * len(sessions) for n, v in table.items()}
         codes = np.arange(0, 1 << bits, size) + (size - 1) / 2
-        levels_problem = Levels(
-            name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code")
-        )
-        levels_problem.same_rows = True
-    levels_problem.bits = bits
-    levels_problem.most_laws, levels_problem.families, levels_problem.heldout_independent = (
-        MOST_LAWS,
-        families,
-        len(sessions) > 1,
-    )
-    return levels_problem
+        out = Levels(name, nuisances, laws, stretches, columns, hashes or {}, lambda segment: (codes, "code"))
+        out.same_rows = True
+    out.bits = bits
+    out.most_laws, out.families, out.heldout_independent = MOST_LAWS, families, len(sessions) > 1
+    return out
 
 
 def channel_sessions(files):
@@ -241,9 +235,8 @@ def channel_sessions(files):
         sessions = []
         for number, f in enumerate(files, 1):
             residual, _, slope = straight(f.channels[c])
-            sessions.append(
-                Session(f"session {number}", residual / slope, slope, series.rounding_noise(f.channels[c]) / abs(slope))
-            )
+            noise = series.rounding_noise(f.channels[c]) / abs(slope)
+            sessions.append(Session(f"session {number}", residual / slope, slope, noise))
         out[c] = sessions
     # the channel of the largest swing first: a small one shows the voltmeter, not the DAC
     return dict(sorted(out.items(), key=lambda item: -abs(item[1][0].lsb_v)))

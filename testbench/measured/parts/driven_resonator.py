@@ -45,7 +45,7 @@ def _term_order(text):
     return sum(int(t.partition("^")[2] or 1) for t in text.split() if "sgn" not in t)
 
 
-def _resonator_laws(rms_v, fs_hz):
+def _catalogue(rms_v, fs_hz):
     out = []
     for name, text, sign, words in FORCES:
         n = _term_order(text)
@@ -277,14 +277,7 @@ def records_problem(first, digest, further=()):
     )
     hashes = {"record": digest} | {f"record_{i + 2}": h for i, (_, h) in enumerate(further)}
     resonator = DrivenResonator(
-        first.fs_hz,
-        (f, q, gain),
-        "driven resonator",
-        nuisances,
-        _resonator_laws(rms, first.fs_hz),
-        pieces,
-        hashes,
-        notes,
+        first.fs_hz, (f, q, gain), "driven resonator", nuisances, _catalogue(rms, first.fs_hz), pieces, hashes, notes
     )
     resonator.library, resonator.heldout_independent = _library(rms), bool(further)
     resonator.working = Working("driven", float(np.max(np.abs(first.output_v))), f, q)

@@ -136,7 +136,7 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
     most_laws, heldout_independent = 6, False
 
     def __init__(self, record, model_laws=()):
-        """found: names of laws that are part of the model."""
+        """model_laws: names of laws that are part of the model."""
         self.record, self.model_laws = record, tuple(model_laws)
         x = record.counts * record.lsb_deg_per_s
         samples, self.axes = x.shape
@@ -181,7 +181,7 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
         self.segments = tuple(segments)
 
     def _build(self):
-        """Nuisances and laws, those of `found` among the nuisances."""
+        """Nuisances and laws, those of `model_laws` among the nuisances."""
         n, nuisances, laws = len(self.bins.hz), [], []
         for a, axis in enumerate(self.names):
             level = np.median([c[a * n : (a + 1) * n] for c in self._data[:CHUNKS]])
@@ -201,12 +201,10 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
         for law in (settling[name] for name in self.model_laws if name in settling):
             nuisances.append(Nuisance(law.name, law.unit, 0.0, 3 * law.scale, 1e-5))
         self.nuisances = tuple(nuisances)
-        self.laws = tuple(
-            law for law in laws if law.name not in self.model_laws and not self._is_duplicate_line(law.name)
-        )
+        self.laws = tuple(law for law in laws if law.name not in self.model_laws and not self._is_neighbour(law.name))
         self._index = {n.name: i for i, n in enumerate(self.nuisances)}
 
-    def _is_duplicate_line(self, name):
+    def _is_neighbour(self, name):
         """True for a neighbour of a vibration that is part of the model: it is the same one."""
         if name not in self._line_at:
             return False

@@ -27,7 +27,7 @@ MEAN, STEP = "mean of cases", "case 3 vs case 4"
 def quadrature_mean(phase_deg, zero_rate_v):
     """Mean V_q (V) over the paper's 22 rates with the sense phase uncompensated, as a share of V_q at rest.
 
-    V_q^2 = rest^2 (1 + rate tan(phase) / coupling), within 0 .. rail.
+    V_q^2 = zero_rate_v^2 (1 + rate tan(phase) / coupling), within 0 .. rail.
     """
     rates = np.array([s * r for r in RATES for s in (-1, 1)])
     u = 1 + rates * math.tan(math.radians(phase_deg)) / COUPLING_DPS

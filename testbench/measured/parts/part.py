@@ -31,13 +31,10 @@ class Piece(NamedTuple):
     condition: dict
 
 
-MEMBERS = (
-    "unit observable f_ref_hz working working_at all_pieces pieces notes exam abscissa where "
-    "repeatability nuisance_values"
-)
+MEMBERS = "unit observable f_ref_hz working working_at all_pieces pieces notes exam abscissa where repeatability"
 
 
-class Part(PartProblem, adds=f"{MEMBERS} model locate predict_rows simulated"):
+class Part(PartProblem, adds=f"{MEMBERS} nuisance_values model locate predict_rows simulated"):
     """Base of the problems of parts. A subclass gives `model` and `locate`."""
 
     unit, observable = "", "residual"

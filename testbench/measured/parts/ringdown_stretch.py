@@ -103,16 +103,16 @@ def background(p):
     ends = jumps(p)
     last = next((int(e) for e in ends if e >= b + 5), len(p))
     first = next((int(e) for e in ends if e < a), 0)
-    levels, after, tail = [], p[b + 5 : last], p[max(a, last - max((last - a) // TAIL, BEHIND)) : last]
+    pieces, after, tail = [], p[b + 5 : last], p[max(a, last - max((last - a) // TAIL, BEHIND)) : last]
     half = a + int(np.argmax(smooth[a:b] < (smooth[a] + smooth[b - 1]) / 2))
     usual = (smooth[a] - smooth[half]) / max(half - a, 1) * len(tail) / 2
     if len(after) >= BEHIND and abs(_fall(after)) < JUMP_DB:
-        levels.append(after)
+        pieces.append(after)
     elif _fall(tail) < STILL * usual:
-        levels.append(p[a + int(np.argmax(smooth[a:last] < np.median(tail) + JUMP_DB / 2)) : last])
+        pieces.append(p[a + int(np.argmax(smooth[a:last] < np.median(tail) + JUMP_DB / 2)) : last])
     if first >= BEFORE and abs(_fall(p[:first])) < JUMP_DB:
-        levels.append(p[:first])
-    return min((float(10 * np.log10(np.mean(10 ** (piece / 10)))) for piece in levels), default=None)
+        pieces.append(p[:first])
+    return min((float(10 * np.log10(np.mean(10 ** (piece / 10)))) for piece in pieces), default=None)
 
 
 def _fall(p):

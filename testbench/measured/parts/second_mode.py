@@ -98,10 +98,10 @@ def choose(columns_of, piece, s, used, q, sd):
     """`Second` of a sweep s (n,) whose single mode has q = (f0, ln g), or None; sd: of real and imaginary part."""
     step = piece.data.f_hz[1] - piece.data.f_hz[0]
     scales = np.array([step, 0.1])
-    q, linear, single_residual, _ = fit(columns_of, piece, s, used, np.array(q), scales)
+    q, linear, single, _ = fit(columns_of, piece, s, used, np.array(q), scales)
     rng = np.random.default_rng(0)
     largest, limit, f2, g2 = search(
-        columns_of, piece, q, used, tangents(columns_of, piece, q, linear), -single_residual, sd, rng
+        columns_of, piece, q, used, tangents(columns_of, piece, q, linear), -single, sd, rng
     )
     if not largest > limit:
         return None

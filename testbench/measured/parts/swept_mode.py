@@ -72,7 +72,7 @@ def _envelope(f, f0, g, dwell, wait, kick, stiff, damp, substeps, out):
 
 @kernel
 def _waveforms(f, shift_hz, f0, g, dwell, bins, out):
-    """Column j bins + k: source on in bin j of each step alone, receiver in bin k alone; moved: Hz that f0 moves."""
+    """Column j bins + k: source on in bin j of each step alone, receiver in bin k alone; shift_hz: of f0."""
     h = dwell / bins
     for j in range(bins):
         a = 0.0j
@@ -173,9 +173,8 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         measures["near_rows"] = float(peak_rows.mean())
         words = f"{100 * measures['near_power']:.0f} % of its power within {NEAR_HZ / 1e3:g} kHz of the peak, in "
         words += f"{100 * measures['near_rows']:.0f} % of the rows"
-        share, p, phase = across(
-            residual[:n] + 1j * residual[n:], 1e3 * self.response(piece, values, laws)[piece.scored[:n]]
-        )
+        response = 1e3 * self.response(piece, values, laws)[piece.scored[:n]]
+        share, p, phase = across(residual[:n] + 1j * residual[n:], response)
         measures |= {"across": share, "across_p": p, "phase_mrad": 1e3 * phase}
         words += f"; where the response is strong {100 * share:.0f} % of it lies across it (chance: half; p {p:.2g})"
         words += f", its phase is off by {1e3 * phase:.1f} mrad rms" if p < 0.05 else ""
@@ -280,15 +279,11 @@ def across(residual, response):
     e = (residual * np.conj(response) / np.maximum(np.abs(response), 1e-300))[strong]
     rng, blocks = np.random.default_rng(0), -(-len(e) // BLOCK)
     total = float(np.sum(np.abs(e) ** 2))
-    power_across, exceedances = float(np.sum(e.imag**2)), 0
+    power, count = float(np.sum(e.imag**2)), 0
     for _ in range(TURNS):
         turn = np.repeat(np.exp(2j * np.pi * rng.random(blocks)), BLOCK)[: len(e)]
-        exceedances += np.sum((e * turn).imag ** 2) >= power_across
-    return (
-        power_across / total,
-        (exceedances + 1) / (TURNS + 1),
-        float(np.sqrt(power_across / np.sum(np.abs(response[strong]) ** 2))),
-    )
+        count += np.sum((e * turn).imag ** 2) >= power
+    return power / total, (count + 1) / (TURNS + 1), float(np.sqrt(power / np.sum(np.abs(response[strong]) ** 2)))
 
 
 def images(f_hz, power, rate_hz):
@@ -309,15 +304,15 @@ def images(f_hz, power, rate_hz):
     spacings = np.exp(np.linspace(np.log(0.5), np.log(2.0), SPACINGS))
     spacings = rate_hz * spacings[np.abs(spacings - 1) > 0.05]
     observed = ratio(rate_hz)
-    exceedances = sum(ratio(spacing) >= observed for spacing in spacings)
-    return float(observed), float((exceedances + 1) / (len(spacings) + 1))
+    count = sum(ratio(spacing) >= observed for spacing in spacings)
+    return float(observed), float((count + 1) / (len(spacings) + 1))
 
 
 def located(columns_of, piece, s, used, effects, separation=()):
     """((f0, ln g, ..), linear unknowns) that fit s at `used`, from the quasi-static peak.
 
-    apart   Hz of a second mode from the first, and ln of its g: where its own two unknowns start, and are drawn to
-            weakly (one width, LN_G2_SD), so that a weak one stays
+    separation   Hz of a second mode from the first, and ln of its g: where its own two unknowns start, and are drawn
+                 to weakly (one width, LN_G2_SD), so that a weak one stays
     """
     f = piece.data.f_hz
 

@@ -87,12 +87,8 @@ def _reversed_driven(sheet):
         yield finding(sheet, "reversed", "input, output", None, "the output comes before its input")
 
 
-RULES = {
-    "ringdown": _reversed_ringdown,
-    "meters": _reversed_meters,
-    "levels": _reversed_levels,
-    "driven": _reversed_driven,
-}
+RULES = {"ringdown": _reversed_ringdown, "meters": _reversed_meters}
+RULES |= {"levels": _reversed_levels, "driven": _reversed_driven}
 
 
 def check(sheet):

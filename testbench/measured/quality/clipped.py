@@ -34,17 +34,15 @@ def check(sheet):
         ties = len(values) - len(np.unique(values))
         for side, v in (("highest", values), ("lowest", -values)):
             top = v.max()
-            at, inner_values = v == top, v[v < top]
+            at, inner = v == top, v[v < top]
             count = np.count_nonzero(at)
-            next_count = np.count_nonzero(inner_values >= top - 1.01 * bin_width)
-            pile = count > (PILE_FAST if c.fast else PILE) * next_count
-            many = count >= MANY and count > next_count + SIGMAS * np.sqrt(next_count + 1) and pile
+            second = np.count_nonzero(inner >= top - 1.01 * bin_width)
+            pile = count > (PILE_FAST if c.fast else PILE) * second
+            many = count >= MANY and count > second + SIGMAS * np.sqrt(second + 1) and pile
             if not c.fast and count >= MANY:
-                many = many or _not_thinner(
-                    count, next_count, np.count_nonzero(inner_values >= top - 2.01 * bin_width) - next_count
-                )
+                many = many or _not_thinner(count, second, np.count_nonzero(inner >= top - 2.01 * bin_width) - second)
             ends = count - 1 + max(np.count_nonzero(v == v.min()) - 1, 0)
-            two = count > 1 and ties == ends and (grid / (top - inner_values.max())) ** (count - 1) < CHANCE
+            two = count > 1 and ties == ends and (grid / (top - inner.max())) ** (count - 1) < CHANCE
             if (many or two) and not np.all(flat[at]):
                 words = f"{count} rows at its {side} value {values[at][0]:.6g} {c.unit}"
                 yield finding(sheet, "clipped", c.name, at, words)

@@ -52,18 +52,16 @@ def _chance(sheet, signals):
 
 def check(sheet):
     """Findings about a sheet; what stands still is the business of `stuck`."""
-    signals, axis = (
-        [c.unwrapped for c in sheet.columns_by_role(SIGNAL)],
-        [c.values for c in sheet.columns_by_role(AXIS)],
-    )
+    signals = [c.unwrapped for c in sheet.columns_by_role(SIGNAL)]
+    axis = [c.values for c in sheet.columns_by_role(AXIS)]
     name = ", ".join(c.name for c in sheet.columns_by_role(SIGNAL)[:3])
     still = np.any([stuck_rows(v) for v in signals], axis=0)
     bits, n, p = _bits([c.values for c in sheet.columns_by_role(SIGNAL)]), sheet.rows, _chance(sheet, signals)
     pairs = np.concatenate([[False], np.all(bits[1:] == bits[:-1], axis=1)]) & ~still
-    full_rows = repeated_rows([c for c in sheet.columns if c.role != OTHER]) if axis else ()
+    twin_rows = repeated_rows([c for c in sheet.columns if c.role != OTHER]) if axis else ()
     ties = n - len(np.unique(axis[0])) if axis else 0
-    if len(full_rows) and (len(full_rows) == ties or len(full_rows) > PAIRS + 3 * n * p):
-        yield finding(sheet, "duplicated", name, full_rows, "rows that are there twice, in every column")
+    if len(twin_rows) and (len(twin_rows) == ties or len(twin_rows) > PAIRS + 3 * n * p):
+        yield finding(sheet, "duplicated", name, twin_rows, "rows that are there twice, in every column")
         return
     if pairs.sum() >= PAIRS + 3 * n * p:
         yield finding(sheet, "duplicated", name, pairs, "rows equal to the row before")
@@ -72,9 +70,8 @@ def check(sheet):
     if length <= min(LONGEST, n // 4):
         repeated = _again(bits, max(length, 3))
         changes = np.concatenate([[0], np.cumsum(np.any(bits[1:] != bits[:-1], axis=1))])
-        repeated &= (
-            changes[max(length, 3) - 1 :] - changes[: len(repeated)] >= (max(length, 3) - 1) / 2
-        )  # a flat course is none
+        # a flat course is none
+        repeated &= changes[max(length, 3) - 1 :] - changes[: len(repeated)] >= (max(length, 3) - 1) / 2
         repeated &= ~np.any([still[k : len(still) - max(length, 3) + 1 + k] for k in (0, max(length, 3) - 1)], axis=0)
         if repeated.any():
             rows = np.unique(np.flatnonzero(repeated)[:, None] + np.arange(max(length, 3)))

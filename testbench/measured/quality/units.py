@@ -125,13 +125,8 @@ def _stationary_units(sheet):
         yield finding(sheet, "unit", "lsb", None, words)
 
 
-RULES = {
-    "meters": _meter_units,
-    "ringdown": _ringdown_units,
-    "spectrum": _spectrum,
-    "sweep": _sweep_units,
-    "rest": _stationary_units,
-}
+RULES = {"meters": _meter_units, "ringdown": _ringdown_units, "spectrum": _spectrum}
+RULES |= {"sweep": _sweep_units, "rest": _stationary_units}
 
 
 def check(sheet):

@@ -32,9 +32,8 @@ def check(record):
         if not any(f.level == schema.REFUSED for f in findings):
             findings += [f for rule in MEANING for f in rule(record)]
     except (ValueError, TypeError, OverflowError, KeyError, RecursionError) as problem:
-        findings.append(
-            Finding("R01", "/", f"expected a complete record, found damage: {' '.join(str(problem).split())}")
-        )
+        damage = " ".join(str(problem).split())
+        findings.append(Finding("R01", "/", f"expected a complete record, found damage: {damage}"))
     return findings
 
 

@@ -184,21 +184,21 @@ def residual(record, progress=None, firmware=None):
     return out
 
 
-def explanation(record, difference):
+def explanation(record, result):
     """What makes the firmware the model's again, if one mistake in the ADC streams does: two of them exchanged, one
     negated, one a row off; "" else. It is judged up to MORE_FRAMES behind the first difference.
     """
-    if not difference.decidable or difference.first is None:
+    if not result.decidable or result.first is None:
         return ""
-    frame = difference.first.edge // FRAME_CYCLES
+    frame = result.first.edge // FRAME_CYCLES
     session = next(s for s in sessions(record) if s.first <= frame < s.first + s.frames)
     session = session._replace(frames=min(session.frames, frame - session.first + MORE_FRAMES))
     p = build.firmware(check_tables.stated_config(record))
     for text, changed in _mistakes({name: record.streams[name].data for name in schema.ADC}):
         streams = {name: record.streams[name]._replace(data=data) for name, data in changed.items()}
         other = dataclasses.replace(record, streams=record.streams | streams)
-        out = Residual(difference.compared, {}, "", 0, {}, None, 0.0)
-        frames = [name for name in difference.compared if record.streams[name].den == FRAME_CYCLES]
+        out = Residual(result.compared, {}, "", 0, {}, None, 0.0)
+        frames = [name for name in result.compared if record.streams[name].den == FRAME_CYCLES]
         _session(other, session, p, frames, [], out, None)
         if out.first is None:
             return text

@@ -218,7 +218,7 @@ def has_supported_map(record):
 
 
 def bitstream_sha256(firmware, excluded=()):
-    """Hash of the firmware's parameters, but for those `left_out` and those that came later and have their default.
+    """Hash of the firmware's parameters, but for those `excluded` and those that came later and have their default.
 
     It stands for the bitstream of a simulated board.
     """

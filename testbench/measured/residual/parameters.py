@@ -37,15 +37,15 @@ class Parameter(NamedTuple):
         return self.mean if self.start is None else self.start
 
     def normal(self):
-        """(mean, sd) in the parameter's unit of the normal prior that is this one near `first`."""
+        """(mean, sd) in the parameter's unit of the normal prior that is this one near `start_value`."""
         if not self.logarithmic:
             return self.mean, self.scale
         return self.start_value * (1 - math.log(self.start_value / self.mean)), self.scale * self.start_value
 
     def theta(self, value):
-        """The coordinate of a value in the linear model of a wide prior: itself, or first (1 + log(value / first)).
+        """The coordinate of a value in the linear model of a wide prior: itself, or s (1 + log(value / s)).
 
-        first (2 - first / value) of a quality factor. All have a slope of 1 at `first`.
+        s (2 - s / value) of a quality factor; s `start_value`. All have a slope of 1 at s.
         """
         if not self.logarithmic:
             return value
@@ -59,17 +59,14 @@ class Parameter(NamedTuple):
         return min(max(theta, self.theta(self.value(-WALL))), self.theta(self.value(WALL)))
 
     def value_from_theta(self, theta):
-        """The parameter at a coordinate of the linear model: itself, or that of `theta`, `within`."""
+        """The parameter at a coordinate of the linear model: itself, or that of `theta`, clipped."""
         if self.start is None:
             return theta
         theta = self.clip_theta(theta)
-        ahead = theta / self.start_value - 1
-        value = (
-            self.start_value * (1 / (1 - ahead) if self.key in LOSSES else math.exp(ahead))
-            if self.logarithmic
-            else theta
-        )
-        return min(max(value, self.lo), self.hi)
+        if self.logarithmic:
+            ahead = theta / self.start_value - 1
+            theta = self.start_value * (1 / (1 - ahead) if self.key in LOSSES else math.exp(ahead))
+        return min(max(theta, self.lo), self.hi)
 
     def value(self, u):
         """The parameter at a coordinate."""

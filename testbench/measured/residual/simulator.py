@@ -1,7 +1,7 @@
 """What an analysis asks of an engine: a session again, driven by its words or free from its set-points.
 
-    driven   recorded words -> plant -> ADC codes (open loop)
-    free     register log, rate, temperature -> whole loop -> every stream
+    driven_codes   recorded words -> plant -> ADC codes (open loop)
+    free           register log, rate, temperature -> whole loop -> every stream
 
 `FrameSimulator` answers with the bits of the frame engine; another engine answers with the same two methods.
 `BasebandSimulator` lives the closed loop in the averaged plant, and is the frame engine where words drive the plant.
@@ -87,10 +87,10 @@ def drive(record, session, firmware, replayed=True):
     replayed  the words are those of the firmware on the recorded codes, to the clock; else the recorded ones, whose
               clock within the window is taken for that of a sound firmware
     """
-    board_task = task(record, session)
+    job = task(record, session)
     if not session.powered:
         raise ConfigError(f"plant replay: frame {session.first} is no power-on, where the plant's state would be known")
-    for edge, address, _ in board_task.writes:
+    for edge, address, _ in job.writes:
         name = registers.BY_ADDRESS[address].name
         if name in PHASE_WORDS and edge > SETTLED_EDGES:
             raise ConfigError(f"plant replay: {name} is written at edge {edge}, later than {SETTLED_EDGES}")
@@ -100,14 +100,12 @@ def drive(record, session, firmware, replayed=True):
         end = replay.run(firmware, replay.power_on(), x, o, replay.order(firmware), True)
         bank, table, phase = end.w.bank, o.driven, o.words[: session.frames, replay.WORDS.index("nco_phase")]
     else:
-        bank = _bank(board_task.writes)
+        bank = _bank(job.writes)
         table = _from_words(record, session, firmware)
         phase = record.streams["nco_pword"].data[session.rows].astype(np.int64)
     c = replay.power_on().w.control
     before = np.array([-1, c.frequency_tracker.word, c.frequency_tracker.word, 0, 0, 0, 0], np.int64)
-    return plant_replay.Drive(
-        bank, before, table, np.ascontiguousarray(phase), board_task.rate_rad_s, board_task.temp_degc
-    )
+    return plant_replay.Drive(bank, before, table, np.ascontiguousarray(phase), job.rate_rad_s, job.temp_degc)
 
 
 def _bank(log):

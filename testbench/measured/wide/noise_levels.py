@@ -36,10 +36,8 @@ def estimate_flicker(loop, cfg):
         return np.stack([_slow(rows, bins) for rows in loop.power_ons(of, DRAWS)])
 
     no_flicker = configuration.changed(cfg, {KEY: 0.0})
-    other_noise, flicker = (
-        slow_draws(no_flicker),
-        slow_draws(use_uniform_references(cfg)) - slow_draws(use_uniform_references(no_flicker)),
-    )
+    other_noise = slow_draws(no_flicker)
+    flicker = slow_draws(use_uniform_references(cfg)) - slow_draws(use_uniform_references(no_flicker))
     other_noise -= other_noise.mean(axis=1, keepdims=True)
     level, gain = likeliest(contrasts, covariances(other_noise), covariances(flicker))
     text = f"noise: 1/f noise of the demodulators: {level:.2g} times the declared level, as the repeats differ"

@@ -55,11 +55,9 @@ class Fit(NamedTuple):
         """
         if not np.all(np.isfinite(self.covariance)):
             return self.covariance
-        data_share = self.covariance @ (self.jacobian.T @ self.jacobian)
-        scatter = self.z @ self.z / max(len(self.z) - np.trace(data_share), 1.0)
-        return (
-            self.covariance + (self.model.problem.noise_along * max(scatter, 1.0) - 1.0) * data_share @ self.covariance
-        )
+        share = self.covariance @ (self.jacobian.T @ self.jacobian)
+        scatter = self.z @ self.z / max(len(self.z) - np.trace(share), 1.0)
+        return self.covariance + (self.model.problem.noise_along * max(scatter, 1.0) - 1.0) * share @ self.covariance
 
 
 class Solver(NamedTuple):

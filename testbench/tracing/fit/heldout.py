@@ -51,11 +51,8 @@ def squares(problem, space, predictions, by):
     out, floors, units = {}, {}, {}
     for g, group in enumerate(space.groups):
         for k in group.members:
-            y, segment, floor = (
-                np.asarray(problem.segment_features(k), float),
-                problem.segments[k],
-                problem.repeatability_rms(k),
-            )
+            y, segment = np.asarray(problem.segment_features(k), float), problem.segments[k]
+            floor = problem.repeatability_rms(k)
             for o in segment.observables:
                 key = _key(by, segment, o)
                 errors = np.stack([y[o.rows] - p[g][o.rows] for p in predictions])
@@ -215,7 +212,7 @@ def _intervals(rms, draws, sets):
 
 
 def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):
-    """`HeldOut` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
+    """`HeldoutResult` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
 
     declared  False if the repeats have rejected the declared noise: nothing is simulated from it then
     noise     what all repeats, fitted and held out, say of the noise: `Noise` in units of the space, or None
@@ -248,12 +245,11 @@ def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, d
         for label, value, interval in zip(labels, rms, intervals):
             row[label], row[label + "_ci"] = float(value), interval
         row["gain"] = float(rms[0] - rms[-1])
-        row["expected"] = None if simulated_squares is None else float(np.sqrt(simulated_squares[:, -1].mean()))
-        row["p_floor"] = (
-            None
-            if simulated_squares is None
-            else p_floor(rms[-1] ** 2, simulated_squares[:, -1], repeat_deviations[key], deviation_sets[key])
-        )
+        row["expected"] = row["p_floor"] = None
+        if simulated_squares is not None:
+            last_squares = simulated_squares[:, -1]
+            row["expected"] = float(np.sqrt(last_squares.mean()))
+            row["p_floor"] = p_floor(rms[-1] ** 2, last_squares, repeat_deviations[key], deviation_sets[key])
         excess = rms[0] ** 2 - (floor or 0.0) ** 2
         row["excess_removed"] = float((rms[0] ** 2 - rms[-1] ** 2) / excess) if floor and excess > 0 else None
         rows[key] = row
@@ -279,7 +275,7 @@ def _root(space, predictor, f, prediction):
 
 
 def predictive_log_odds(space, first, last, root_first, root_last):
-    """`HeldOut.log_odds` of the whitened residuals of two models and the roots of what their fits do not know.
+    """`HeldoutResult.log_odds` of the whitened residuals of two models and the roots of what their fits do not know.
 
     0 if one of the roots is unknown.
     """
@@ -294,18 +290,14 @@ def predictive_log_odds(space, first, last, root_first, root_last):
 
 def _loudness(space, noise):
     """Chi2 / rows of the held-out contrasts in units of the noise of all, if significantly (5 %) above 1."""
-    most, contrast_values = max(map(len, space.contrasts), default=0), []
+    most, values = max(map(len, space.contrasts), default=0), []
     again = noise.whitener(space) if noise else lambda v: v
     for i in range(most):
         present = np.concatenate([np.full(c.shape[1], i < len(c)) for c in space.contrasts])
         rows = np.concatenate([c[i] if i < len(c) else np.zeros(c.shape[1]) for c in space.contrasts])
-        contrast_values.append(again(space.refine(rows))[present])
-    contrast_values = np.concatenate([*contrast_values, np.zeros(0)])
-    return (
-        float(np.mean(contrast_values**2))
-        if len(contrast_values) and contrast_values @ contrast_values > chi2_law.ppf(LEVEL, len(contrast_values))
-        else 1.0
-    )
+        values.append(again(space.refine(rows))[present])
+    values = np.concatenate([*values, np.zeros(0)])
+    return float(np.mean(values**2)) if len(values) and values @ values > chi2_law.ppf(LEVEL, len(values)) else 1.0
 
 
 def _limit(space, root, declared, noise, rng, observed):

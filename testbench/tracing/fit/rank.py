@@ -62,8 +62,8 @@ class Ranking(NamedTuple):
 
 def signatures(fit, names):
     """Whitened d(prediction)/dc at a fit of laws that are not in it, (rows, laws); nan columns: not predictable."""
-    model, laws_all = fit.model, all_laws(fit.model.problem)
-    laws = [laws_all[name] for name in names]
+    model, laws_by_name = fit.model, all_laws(fit.model.problem)
+    laws = [laws_by_name[name] for name in names]
     steps = [law_step(law, model.problem) for law in laws]
 
     def point_at(j, step):

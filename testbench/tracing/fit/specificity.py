@@ -2,7 +2,7 @@
 
     C     cosines of the signatures, what the nuisances take removed
     R^2 = C_SL' C_SS^-1 C_SL          share of a law L outside that the set S explains
-    L is imitated by S at size d if d sqrt(1 - R^2) < seen, S is no degenerate or inflated set, and no law of S is minor
+    L is imitated by S at size d if d sqrt(1 - R^2) < least, S is not degenerate or inflated, and no law of S is minor
 The share of the laws that sets of m imitate, of those that no smaller set does, is what an effect from outside the
 lists does to a verdict: the library stands for the laws that it lacks.
 Source    docs/tracing.md
@@ -48,7 +48,7 @@ def _explained(cosines, size, minor):
 def imitated(ranking, names, size, d, least, minor):
     """Share of the laws `names` that sets of `size` others imitate at d sigmas, of those that no smaller set does.
 
-    least  `seen`;   minor  smallest part of the largest law of a set, in sigmas
+    least  `detection_limit`;   minor  smallest part of the largest law of a set, in sigmas
     0 where no law is left: then nothing speaks against a set.
     """
     at = [ranking.index(n) for n in names if ranking.length[ranking.index(n)] > 0]

@@ -118,16 +118,11 @@ def rotation_test(space, rankings, fit, draws, rng):
 
 
 def refined_view(fit, rankings, noise):
-    """(projection, z, `Looks`, rankings) of a fit in units of the refined noise."""
+    """(projection, z, `Statistics`, rankings) of a fit in units of the refined noise."""
     again = noise.whitener(fit.model.space)
     z, projection = again(fit.z), Projection(again(fit.jacobian), fit.model.prior_columns())
-    refined_rankings = {label: rank(fit, r.names, again(r.signatures), projection, z) for label, r in rankings.items()}
-    return (
-        projection,
-        z,
-        Statistics(fit.model.space, refined_rankings, all_laws(fit.model.problem), projection),
-        refined_rankings,
-    )
+    refined = {label: rank(fit, r.names, again(r.signatures), projection, z) for label, r in rankings.items()}
+    return projection, z, Statistics(fit.model.space, refined, all_laws(fit.model.problem), projection), refined
 
 
 def alarms(store, fit, rankings, noise, draws, seed):

@@ -101,8 +101,8 @@ class Power:
         else:
             for _ in range(TRIALS):
                 rang += self._pseudo_null() <= self.crit
-        rate = {"trials": TRIALS, "rang": int(rang), "rate": rang / TRIALS, "alpha": self.alpha}
-        return rate | {"ci": clopper_pearson(int(rang), TRIALS)}
+        counts = {"trials": TRIALS, "rang": int(rang), "rate": rang / TRIALS, "alpha": self.alpha}
+        return counts | {"ci": clopper_pearson(int(rang), TRIALS)}
 
     def _pseudo_null(self):
         """Smallest p of one simulated record without any effect, octaves estimated from its own contrasts."""

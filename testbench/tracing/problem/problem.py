@@ -94,8 +94,8 @@ class PortForce(NamedTuple):
 class Problem:
     """What the core asks of a problem; docs/tracing.md says what each member means.
 
-    Without a default: `name`, `nuisances`, `laws`, `segments`, `hashes` and the functions down to `floor`. A subclass
-    names its further public members in `adds`; any other public name, in its body or set later, is refused.
+    Without a default: `name`, `nuisances`, `laws`, `segments`, `hashes` and the functions down to `repeatability_rms`.
+    A subclass names its further public members in `adds`; any other public name, in its body or set later, is refused.
     """
 
     linear_in, library, library_late = frozenset(), (), False

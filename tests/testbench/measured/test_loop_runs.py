@@ -21,9 +21,8 @@ def bench():
 def change(bench, condition, law):
     """Change of V_q^2 in a dwell by a law."""
     own = config.Config()
-    base, moved = (
-        Run(Model(use_uniform_references(own), laws), condition, 3, own, 0, True) for laws in ((), (LAW.format(law),))
-    )
+    uniform = use_uniform_references(own)
+    base, moved = (Run(Model(uniform, laws), condition, 3, own, 0, True) for laws in ((), (LAW.format(law),)))
     rows = bench.run([base, moved], FAST)
     count = loop_runs.size(condition) // len(loop_runs.NAMES)
     first = count * loop_runs.NAMES.index("v_q2")

@@ -34,9 +34,8 @@ def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pic
     _, columns = loop.columns(np.zeros(len(wanted)), range(len(wanted)), sigma, 3.0)
 
     def features(pickoff):
-        told = loop_runs.Model(
-            use_uniform_references(configuration.changed(model, {"effects.pickoff_cubic_x": pickoff}))
-        )
+        changed = configuration.changed(model, {"effects.pickoff_cubic_x": pickoff})
+        told = loop_runs.Model(use_uniform_references(changed))
         slow = [c._replace(settle_s=c.settle_s + 3.0) for c in loop.conditions]
         return np.concatenate(bench.run([Run(told, c, 7, model, 0, True) for c in slow], FAST))
 
@@ -55,9 +54,8 @@ def test_an_offset_of_the_demodulators_is_no_other_parameter_of_the_sheet():
     """A factor of 2 of it: the sheet's parameters leave more than 10 sigmas, so the record itself gives its size."""
     model, bench = configuration.Config(), loop_runs.Bench(1)
     wanted = sheet.parameters(model, sheet.read(sheet.OWN))
-    rows = bench.run(
-        [Run(loop_runs.Model(use_uniform_references(model)), c, SEED, None, 0, True) for c in CONDITIONS], FAST
-    )
+    uniform = loop_runs.Model(use_uniform_references(model))
+    rows = bench.run([Run(uniform, c, SEED, None, 0, True) for c in CONDITIONS], FAST)
     data = loop_problem.Measured("offset", CONDITIONS, {c.id: row[None] for c, row in zip(CONDITIONS, rows)}, {})
     loop = AveragedLoop(data, model, wanted, bench)
     sigma = loop.sigma(loop.mean(np.zeros(len(wanted)), 8)[1])

@@ -85,10 +85,8 @@ def trial(seed, law=None, options=None):
     )
     tracer, result = loop_trace.run(problem, options or Options(seed=seed, power=False, experiments=False))
     fit, n = tracer.fits["after"], len(problem.parameters)
-    keys, values = (
-        [p.key for p in problem.parameters],
-        [p.value_from_theta(t) for p, t in zip(problem.parameters, fit.point.theta)],
-    )
+    keys = [p.key for p in problem.parameters]
+    values = [p.value_from_theta(t) for p, t in zip(problem.parameters, fit.point.theta)]
     off = {p.key: _off(p, x, truth[p.key]) / s for p, x, s in zip(problem.parameters, fit.point.theta, fit.sd)}
     return {
         "seed": seed,

@@ -1,11 +1,11 @@
 """What the checks share: the grid that values lie on, their noise, and what a row has beside its neighbours.
 
-grid_step(v)     step of the grid on which all values lie; 0: they lie on none coarser than their numbers
-beside(v)        each value less the median of its four neighbours: trends go, single rows stay
-predicted(v)     each value less its best linear prediction from TAPS rows on either side: fast signals go, too
-noise_sd(v)      robust standard deviation of that
-running(v, ..)   a measure of the rows around each row
-floor(v)         noise that the grid alone makes: step / sqrt(12)
+grid_step(v)            step of the grid on which all values lie; 0: they lie on none coarser than their numbers
+neighbour_residual(v)   each value less the median of its four neighbours: trends go, single rows stay
+predicted(v)            each value less its best linear prediction from TAPS rows on both sides: fast signals go, too
+noise_sd(v)             robust standard deviation of that
+running(v, ..)          a measure of the rows around each row
+rounding_noise(v)       noise that the grid alone makes: step / sqrt(12)
 """
 
 import numpy as np

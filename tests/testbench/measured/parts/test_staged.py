@@ -20,7 +20,7 @@ class _Problem(PartProblem):
 
 
 def _fitted(monkeypatch, values):
-    """Every fit of `_pruned` finds these values, with deviations of 1."""
+    """Every fit of `_drop_weak` finds these values, with deviations of 1."""
 
     class Tracer:
         def __init__(self, problem, *_):
