@@ -54,14 +54,12 @@ def export(
         if out is not None:
             write_bundles(out)
     if as_json:
-        bundle_summaries = [
+        summaries = [
             {"folder": str(folder), "rows": m["n"], "sha256": m["manifest_sha256"]}
             | {"vectors_sha256": bundle.vectors_sha256(m)}
             for folder, m in exported_bundles
         ]
-        typer.echo(
-            json.dumps({"bundles": bundle_summaries} | ({"c_files": [str(path) for path in files]} if files else {}))
-        )
+        typer.echo(json.dumps({"bundles": summaries} | ({"c_files": [str(path) for path in files]} if files else {})))
         return
     if files:
         typer.echo(f"{c}  {len(files)} files of C: make -C {c} check")
@@ -186,16 +184,13 @@ def check(o):
         report = (top_run if is_top_bundle else rtl_run).check(o.folder, o.rtl, timeout_s=o.timeout_s, choice=choice)
     else:
         report = waves.check(o.folder, o.log, o.map)
-    latency_costs = _costs(report.block, report.case, report.clocks)
+    costs = _costs(report.block, report.case, report.clocks)
     written, why = (None, None) if report.passed else _package(o.out, o.folder, report)
     if o.as_json:
-        tree = report.to_dict() | {
-            "latency": [cost._asdict() for cost in latency_costs],
-            "written": written and str(written),
-        }
+        tree = report.to_dict() | {"latency": [cost._asdict() for cost in costs], "written": written and str(written)}
         typer.echo(json.dumps(tree, indent=2, sort_keys=True))
     else:
-        typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in latency_costs), nl=False)
+        typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in costs), nl=False)
         if not report.passed:
             typer.echo(f"package           {written or f'none: {why}'}")
     raise typer.Exit(0 if report.passed else 1)
@@ -268,14 +263,10 @@ def wrap(
         return
     if map_path is None:
         raise ConfigError("wrap: --map TOML is needed for a block")
-    adapted_bundle = wrapped.write_adapted_bundle(folder, map_path, level, out, latency)
-    rows = f"{len(adapted_bundle.golden.exp)} rows" + (
-        f" from row {adapted_bundle.first} of the bundle" if adapted_bundle.first else ""
-    )
-    typer.echo(f"{out}  {rows}, {int(adapted_bundle.care.any(axis=1).sum())} judged at level {level}")
-    for cost in _costs(
-        adapted_bundle.golden.manifest["block"], adapted_bundle.golden.manifest["case"], adapted_bundle.clocks
-    ):
+    scope = wrapped.write_adapted_bundle(folder, map_path, level, out, latency)
+    rows = f"{len(scope.golden.exp)} rows" + (f" from row {scope.first} of the bundle" if scope.first else "")
+    typer.echo(f"{out}  {rows}, {int(scope.care.any(axis=1).sum())} judged at level {level}")
+    for cost in _costs(scope.golden.manifest["block"], scope.golden.manifest["case"], scope.clocks):
         typer.echo(f"latency  {cost.text()}")
 
 

@@ -31,7 +31,7 @@ AFTER = 64  # rows of a block behind it
 
 
 def _write_waveform(folder, waveform, first, at, top, clock_hz, expanded):
-    """Write the waveform of (signals, rows, known) from row `first` on; its set-up has the marker at row `at`."""
+    """Write the waveform of (signals, rows, valid masks) from row `first` on; its set-up has the marker at row `at`."""
     path, (signals, rows, valid_masks) = folder / "window.vcd", waveform
     vcd.write_vcd(path, rows, signals, first_edge=first, top=top, clock_hz=clock_hz, valid=valid_masks)
     marker_ps = int(vcd.picoseconds(at - first, clock_hz))
@@ -43,25 +43,17 @@ def write(folder, difference):
     folder, observation, row = Path(folder), difference.recorded, difference.row
     design, end = difference.design, row + len(difference.recorded.continuation.values)
     first, frames = max(row + 1 - FRAMES * design.frame_clocks, 0), row // design.frame_clocks + 1
-    full_recording = recording.Recording(CASE, observation.params, frames, frames, observation.stimulus, (), "")
-    divergence_window = recording.Window(first, row + 1 - first, "up to the row that differs")
+    record = recording.Recording(CASE, observation.params, frames, frames, observation.stimulus, (), "")
+    window = recording.Window(first, row + 1 - first, "up to the row that differs")
     out, at = folder / "bundle" / bundles.STEM / CASE, np.arange(first, row + 1)
-    manifest = bundles.write(
-        bundles.first_frames(full_recording, frames, (divergence_window,)), out, at, include_design=True
-    )
+    manifest = bundles.write(bundles.first_frames(record, frames, (window,)), out, at, include_design=True)
     golden = replay.run(observation.params, observation.stimulus, -(-end // design.frame_clocks), np.arange(first, end))
     golden = np.column_stack([golden.inputs, golden.registers, golden.pins])
     report = _report(observation, top_run.prefixed_manifest(manifest) | {"n": end - first}, golden, first, row)
     # behind the difference there was no plant
     end = row + 1
-    _write_package(
-        folder,
-        _use_port_names(bundles.make_block({CASE: observation.params}, design)),
-        golden[: end - first],
-        report,
-        first,
-        end,
-    )
+    block = _use_port_names(bundles.make_block({CASE: observation.params}, design))
+    _write_package(folder, block, golden[: end - first], report, first, end)
     return report
 
 
@@ -87,11 +79,11 @@ def _use_port_names(block):
 
 
 def _build_waveform(block, rows, report, first, end):
-    """(signals, rows, known) of a block: inputs, what differs, the rest; two signals of a port that is shown.
+    """(signals, rows, valid masks) of a block: inputs, what differs, the rest; two signals of a port that is shown.
 
     rows  golden inputs and results from row `first` to `end`
     """
-    waveform_columns, span = [], slice(first - report.first_row, end - report.first_row)
+    waves, span = [], slice(first - report.first_row, end - report.first_row)
     columns = rows.T
     results = {port.name for port in (*block.registers, *block.pins)}
     kinds = [*("in" for _ in block.columns), *("reg" for _ in block.registers), *("pin" for _ in block.pins)]
@@ -101,17 +93,11 @@ def _build_waveform(block, rows, report, first, end):
         name = f"{kind}.{port.name}"
         order = (port.name not in report.differing, name != f"{kind}.{report.divergence.port}") if kind != "in" else ()
         if mine is None:
-            waveform_columns.append(
-                (order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool))
-            )
+            waves.append((order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool)))
             continue
-        waveform_columns.append(
-            (order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool))
-        )
-        waveform_columns.append(
-            (order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span])
-        )
-    _, signals, values, valid_masks = zip(*sorted(waveform_columns, key=lambda one: one[0]), strict=True)
+        waves.append((order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool)))
+        waves.append((order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span]))
+    _, signals, values, valid_masks = zip(*sorted(waves, key=lambda one: one[0]), strict=True)
     return signals, np.column_stack(values), np.column_stack(valid_masks)
 
 
@@ -143,9 +129,8 @@ def write_top(folder, bundle_folder, report):
     clocks, begin = manifest["frame_cycles"], report.first_row
     end = min(at + 1 + AFTER, begin + len(next(iter(report.got.values())).values))
     first = max(begin, at + 1 - FRAMES * clocks)
-    cut = bundles.first_frames(
-        r, -(-end // clocks), (recording.Window(first, end - first, "around the row that differs"),)
-    )
+    window = recording.Window(first, end - first, "around the row that differs")
+    cut = bundles.first_frames(r, -(-end // clocks), (window,))
     out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
     latency_clocks = bundles.pin_delays(bundle_folder, manifest) | {
         name.removeprefix("o_"): k for name, k in report.clocks.items()

@@ -55,7 +55,7 @@ def cpu_s():
     return sum(os.times()[:4])
 
 
-def print_progress(text):
+def echo(text):
     print(text, flush=True)
 
 
@@ -71,11 +71,9 @@ def bundles(rtl, out, options):
             output_lines = (process.stdout + process.stderr).splitlines()
             count = sum(line.startswith("PASS ") for line in output_lines)
             good = process.returncode == 0 and count == len(list((out / stem).glob("*/manifest.json")))
-            print_progress(
-                f"  {'PASS' if good else 'FAIL'} {stem}: {count} cases, {sim}, {time.perf_counter() - began:.1f} s"
-            )
+            echo(f"  {'PASS' if good else 'FAIL'} {stem}: {count} cases, {sim}, {time.perf_counter() - began:.1f} s")
             for line in () if good else output_lines[-8:]:
-                print_progress(f"    {line}")
+                echo(f"    {line}")
             passed &= good
     return passed
 
@@ -83,7 +81,7 @@ def bundles(rtl, out, options):
 def check_loop(rtl, out, options):
     """The story around the design; True without a difference."""
     outcome = loop.run(loop.story(options.seconds), rtl)
-    print_progress("  " + outcome.text().replace("\n", "\n  "))
+    echo("  " + outcome.text().replace("\n", "\n  "))
     return outcome.difference is None
 
 
@@ -93,7 +91,7 @@ def proofs(rtl, out, options):
     for stem, cases in formal.CASES.items():
         for case in cases:
             proof = formal.prove(stem, case, rtl)
-            print_progress(f"  {proof.text()}")
+            echo(f"  {proof.text()}")
             passed &= proof.proven
     return passed
 
@@ -101,9 +99,9 @@ def proofs(rtl, out, options):
 def netlists(rtl, out, options):
     """Both boards, and both families; a refusal is raised."""
     for name in synthesis.BOARDS:
-        print_progress(f"  {synthesis.synthesise(rtl, None, name).text()}")
+        echo(f"  {synthesis.synthesise(rtl, None, name).text()}")
     for family in synthesis.MAPPERS:
-        print_progress(f"  {synthesis.synthesise(rtl, family).text()}")
+        echo(f"  {synthesis.synthesise(rtl, family).text()}")
     return True
 
 
@@ -120,7 +118,7 @@ def _score_block(stem, rtl, out, count):
 
 
 def _score_wiring(rtl, out, count):
-    """As `_block`, of the wiring, over its recordings."""
+    """As `_score_block`, of the wiring, over its recordings."""
     outcome = mutate_top.score(rtl, count=count)
     for case in mutate_top.CASES:
         if (out / top.STEM / case).is_dir():
@@ -135,19 +133,16 @@ def scores(rtl, out, options):
     for stem in options.only:
         if stem not in stems:
             raise ConfigError(f"--only: {stem!r} is not one of {', '.join(stems)}")
-    score_entries = {e["block"]: e for e in measured.missing_scores(out)} if options.only else {}
+    entries = {e["block"]: e for e in measured.missing_scores(out)} if options.only else {}
     for stem in options.only or stems:
         began = cpu_s()
         outcome, vectors, files = (
             _score_wiring(rtl, out, options.count) if stem == top.STEM else _score_block(stem, rtl, out, options.count)
         )
         took = cpu_s() - began
-        print_progress("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
-        score_entries[stem] = measured.entry(outcome, vectors, measured.design(files), took)
-        write_text(
-            out / measured.MUTATION,
-            json.dumps([score_entries[s] for s in stems if s in score_entries], indent=1) + "\n",
-        )
+        echo("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
+        entries[stem] = measured.entry(outcome, vectors, measured.design(files), took)
+        write_text(out / measured.MUTATION, json.dumps([entries[s] for s in stems if s in entries], indent=1) + "\n")
         all_passed &= outcome.passed
     return all_passed
 
@@ -176,21 +171,21 @@ def main(arguments=None):
             raise ConfigError(f"part: {invalid_parts[0]!r} is not one of {', '.join(PARTS)}")
         took = {}
         for name in options.parts or PARTS:
-            print_progress(name)
+            echo(name)
             began, before = time.perf_counter(), cpu_s()
             passed = bool(PARTS[name](rtl, out, options))
             seconds = round(time.perf_counter() - began, 1)
             took[name] = {"passed": passed, "seconds": seconds, "cpu_s": round(cpu_s() - before, 1)}
             if not options.only:  # the time of one block is not that of all
                 write_text(out / measured.TIMES, json.dumps(took, indent=1) + "\n")
-            print_progress(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
+            echo(f"  {'PASS' if passed else 'FAIL'} {name}: {took[name]['seconds']:.1f} s")
     except (ConfigError, FileError) as problem:
         print(f"gyro: {problem}", file=sys.stderr)
         return 2
-    print_progress("")
+    echo("")
     for name, part_result in took.items():
-        print_progress(f"{'PASS' if part_result['passed'] else 'FAIL'}  {name:10}{part_result['seconds']:9.1f} s")
-    print_progress(f"      {'all':10}{sum(part_result['seconds'] for part_result in took.values()):9.1f} s")
+        echo(f"{'PASS' if part_result['passed'] else 'FAIL'}  {name:10}{part_result['seconds']:9.1f} s")
+    echo(f"      {'all':10}{sum(part_result['seconds'] for part_result in took.values()):9.1f} s")
     return 0 if all(part_result["passed"] for part_result in took.values()) else 1
 
 

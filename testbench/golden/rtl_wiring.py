@@ -65,15 +65,11 @@ def _parameters(module):
     """[(name, format)] of the parameters: keys of the design first and tables last, both with no format."""
     parts = _contained_blocks(module)
     used = {key for part in parts for key in block.keys(part)}
-    parameter_formats = [(key.upper(), None) for key in DEFAULT._fields if key in used]
+    pairs = [(key.upper(), None) for key in DEFAULT._fields if key in used]
     if module not in FILES.values():
-        return [
-            *parameter_formats,
-            *block.parameters(module, RULES).items(),
-            *(("ROM_FILE", None) for _ in module.BLOCK.roms),
-        ]
-    parameter_formats += [(port_name(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
-    return [*parameter_formats, *((name, None) for stem, name in ROMS.items() if stem in map(_stem, parts))]
+        return [*pairs, *block.parameters(module, RULES).items(), *(("ROM_FILE", None) for _ in module.BLOCK.roms)]
+    pairs += [(port_name(path), fmt) for path, fmt in leaves(formats(module.Params, RULES))]
+    return [*pairs, *((name, None) for stem, name in ROMS.items() if stem in map(_stem, parts))]
 
 
 # ---- head ------------------------------------------------------------------------------------------------------------

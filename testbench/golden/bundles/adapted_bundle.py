@@ -1,11 +1,11 @@
 """Folder of a bundle for a design with names, reset and latency of its own: `make check` in it needs no Python.
 
     stim.hex, exp.hex, mask.hex   the rows that are judged; ports that come later are shifted; the mask has the level's
-    golden_BLOCK.v, .vhd          wrapper of the design (`wrapper`)
+    golden_BLOCK.v, .vhd          wrapper of the design (`adapter`)
     map.toml, latency.toml        what the folder was written from
     the rest                      benches and scripts of the bundle, with the wrapper's name and the level
 
-Of the whole design: a bundle of its pins alone, `pins_of`.
+Of the whole design: a bundle of its pins alone, `write_pin_bundle`.
 Source  docs/foreign_designs.md, docs/golden.md (pins alone)
 """
 
@@ -24,8 +24,8 @@ def _texts(folder, manifest, level):
     """{path: text} of the bundle's benches and scripts for a wrapped design."""
     block, rows = manifest["block"], manifest["n"]
     names = [*COPIED_FILES, "check.sh", f"tb_{block}.v", f"tb_{block}.vhd", f"tb_{block}_vunit.vhd",
-             f"cocotb_{block}.v",
-             f"test_{block}.py", *(n for n in manifest["sha256"] if n.startswith("rom/"))]  # fmt: skip
+             f"cocotb_{block}.v", f"test_{block}.py",
+             *(n for n in manifest["sha256"] if n.startswith("rom/"))]  # fmt: skip
     texts = {}
     for name in names:
         text = (folder / name).read_text()
@@ -68,26 +68,17 @@ def write_pin_bundle(folder, level, out, map_path=None, top_name=None, latency=N
     if level not in ("pins", "outputs"):
         raise ConfigError(f"level: {level!r} is not one of pins, outputs; the bundle itself is at level registers")
     golden = bundle.read(folder)
-    pin_delays = top.pin_delays(folder, golden.manifest)
+    delays = top.pin_delays(folder, golden.manifest)
     if latency is not None:
-        pin_delays = {
-            name.removeprefix("o_"): k
-            for name, k in comparison_scope.read_latency(latency, golden.manifest, level).items()
-        }
+        latencies = comparison_scope.read_latency(latency, golden.manifest, level)
+        delays = {name.removeprefix("o_"): k for name, k in latencies.items()}
     if out.is_dir() and any(out.iterdir()):
         raise FileError(f"{out}: exists and is not an empty folder")
     include_design = "design" in golden.manifest
     has_port_map = map_path is not None or top_name is not None
     texts = top_wrapper_texts(golden.manifest, map_path, top_name) if has_port_map else {}
-    return top.write(
-        top.read_recording(folder, golden.manifest),
-        out,
-        golden.at,
-        include_design,
-        "pins",
-        more=texts,
-        clocks=pin_delays,
-    )
+    r = top.read_recording(folder, golden.manifest)
+    return top.write(r, out, golden.at, include_design, "pins", more=texts, clocks=delays)
 
 
 def write_adapted_bundle(folder, map_path, level, out, latency_path=None):

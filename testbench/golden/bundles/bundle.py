@@ -114,7 +114,7 @@ def port(block_port):
 
 
 def port_files(ports, rows):
-    """{path: text} of one hex file per port; `named` is (name, Port) for each column of `rows`."""
+    """{path: text} of one hex file per port; `ports` is (name, Port) for each column of `rows`."""
     files = {}
     for k, (name, block_port) in enumerate(ports):
         words = (rows[:, k] & ((1 << block_port.width) - 1)).astype(">u8").view(np.uint8).reshape(-1, 8)
@@ -178,10 +178,10 @@ def _fill(part, manifest, files, trees, provenance_entries):
 def write(folder, manifest, files, trees=(), provenance_entries=None):
     """Write a bundle as a whole; a bundle that was there is replaced.
 
-    manifest  without hashes
-    files     {relative path: text}
-    trees     functions of the new folder that write further files into it
-    noted     function of the sealed manifest: entries that its provenance gets besides
+    manifest            without hashes
+    files               {relative path: text}
+    trees               functions of the new folder that write further files into it
+    provenance_entries  function of the sealed manifest: entries that its provenance gets besides
     """
     with replacing_folder(folder, MANIFEST) as part:
         return _fill(part, manifest, files, trees, provenance_entries)

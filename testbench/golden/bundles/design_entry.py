@@ -44,18 +44,16 @@ def manifest_design(path, manifest):
         return None
     from testbench.config.load import Design
 
-    raw_values = validate_data(manifest["design"], dict[str, int], f"{path}: design")
+    raw = validate_data(manifest["design"], dict[str, int], f"{path}: design")
     keys = design_record.Design._fields
-    if list(raw_values) != list(keys):
-        raise FileError(f"{path}: design: has the keys {', '.join(raw_values)}, not {', '.join(keys)}")
-    values = validate_data(raw_values, Design, f"{path}: design")
-    if raw_values["dds_bits"] < 2 + raw_values["sine_address_bits"] + raw_values["sine_fraction_bits"]:
-        raise FileError(
-            f"{path}: design: dds_bits = {raw_values['dds_bits']} do not hold quadrant, address and fraction"
-        )
-    if raw_values["sine_bits"] <= raw_values["sine_address_bits"]:
-        raise FileError(f"{path}: design: sine_bits = {raw_values['sine_bits']} is not above sine_address_bits")
-    if raw_values["adc_tail_clocks"] == 0:
+    if list(raw) != list(keys):
+        raise FileError(f"{path}: design: has the keys {', '.join(raw)}, not {', '.join(keys)}")
+    values = validate_data(raw, Design, f"{path}: design")
+    if raw["dds_bits"] < 2 + raw["sine_address_bits"] + raw["sine_fraction_bits"]:
+        raise FileError(f"{path}: design: dds_bits = {raw['dds_bits']} do not hold quadrant, address and fraction")
+    if raw["sine_bits"] <= raw["sine_address_bits"]:
+        raise FileError(f"{path}: design: sine_bits = {raw['sine_bits']} is not above sine_address_bits")
+    if raw["adc_tail_clocks"] == 0:
         raise FileError(f"{path}: design: adc_tail_clocks = 0 is below 1")
     return design_record.Design(*(getattr(values, key) for key in keys))
 

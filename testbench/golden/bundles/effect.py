@@ -17,7 +17,7 @@ MOST_ROWS = 200  # with one row each
 
 
 def case(laws=(), sets=(), frames=9400):
-    """`record.Case` of law files and `section.key=value` texts; ConfigError for what no engine runs."""
+    """`make_recordings.Case` of law files and `section.key=value` texts; ConfigError for what no engine runs."""
     top.check_frames(frames)
     values = dict(parse_set(text)[:2] for text in sets)
     texts = [text for path in laws for text in law_file.read(path).laws]
@@ -25,9 +25,8 @@ def case(laws=(), sets=(), frames=9400):
         values["effects.laws"] = [*values.get("effects.laws", []), *texts]
     if not any(key.startswith("effects.") for key in values):
         raise ConfigError("no effect: give a law file, or --set effects.NAME=VALUE")
-    return make_recordings.Case(
-        config=values, firmware=build.firmware, frames=frames, row_every=max(1, frames // MOST_ROWS)
-    )
+    row_every = max(1, frames // MOST_ROWS)
+    return make_recordings.Case(config=values, firmware=build.firmware, frames=frames, row_every=row_every)
 
 
 def export(name, recording_case, out, progress=None):

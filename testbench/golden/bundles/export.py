@@ -95,7 +95,7 @@ def export_case(block, case, folder, seed=stimulus.SEED):
 
 
 def select_blocks(name, extra_names=(), blocks_by_stem=blocks.BLOCKS):
-    """Blocks of a name or `all`; raises ConfigError otherwise. `others` are names that the caller knows besides."""
+    """Blocks of a name or `all`; raises ConfigError otherwise. `extra_names` are those that the caller knows, too."""
     if name == "all":
         return list(blocks_by_stem.values())
     if name not in blocks_by_stem:
@@ -131,9 +131,7 @@ def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
     results, todo = [], [(block, case) for block in selection for case in block.cases]
     with atomic_outputs(), contextlib.ExitStack() as stack:
         # all at the begin, so that a folder that another process writes is refused before hours are spent
-        new = {
-            block.stem: stack.enter_context(replacing_folder(Path(out) / block.stem, keep=True)) for block in selection
-        }
+        new = {b.stem: stack.enter_context(replacing_folder(Path(out) / b.stem, keep=True)) for b in selection}
         for n, (block, case) in enumerate(todo):
             if progress is not None:
                 progress(f"{block.stem}/{case}", n, len(todo))

@@ -19,12 +19,10 @@ def git_head(root=ROOT):
     if not (root / ".git").exists():
         return "unknown"
     try:
-        process = subprocess.run(
-            ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10
-        )
+        head = subprocess.run(["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10)
     except (OSError, subprocess.SubprocessError):
         return "unknown"
-    return process.stdout.strip() if process.returncode == 0 else "unknown"
+    return head.stdout.strip() if head.returncode == 0 else "unknown"
 
 
 def provenance():

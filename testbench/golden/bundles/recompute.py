@@ -113,16 +113,16 @@ def _rewrite_top(golden, path, folder):
     top.write(r, folder, golden.at, include_design, top.bundle_level(golden.manifest), clocks=clocks)
 
 
-def _check_rows(folder, name, stored_rows, computed_rows, at, ports):
+def _check_rows(folder, name, stored, computed, at, ports):
     """FileError at the first row and port that differ."""
-    if np.array_equal(stored_rows, computed_rows):
+    if np.array_equal(stored, computed):
         return
-    row = int(np.flatnonzero((stored_rows != computed_rows).any(axis=1))[0])
-    k = int(np.flatnonzero(stored_rows[row] != computed_rows[row])[0])
+    row = int(np.flatnonzero((stored != computed).any(axis=1))[0])
+    k = int(np.flatnonzero(stored[row] != computed[row])[0])
     where = f"row {row}" if at[row] == row else f"row {row} (clock {at[row]})"
     raise FileError(
-        f"{folder / name}: {where}, port {ports[k]['name']}: holds {stored_rows[row, k]}, the model computes "
-        f"{computed_rows[row, k]}"
+        f"{folder / name}: {where}, port {ports[k]['name']}: holds {stored[row, k]}, "
+        f"the model computes {computed[row, k]}"
     )
 
 

@@ -35,7 +35,7 @@ def design(paths):
 
 
 def entry(outcome, vector_hashes, design_hash, cpu_s):
-    """JSON of an outcome; `of_vectors` is {case: hash}. Proved faults are counted, the others listed."""
+    """JSON of an outcome; `vector_hashes` is {case: hash}. Proved faults are counted, the others listed."""
     outcome_dict = outcome.to_dict()
     unproved = [s for s in outcome_dict["survivors"] if s["verdict"] != "equivalent"]
     survivors = [{k: s[k] for k in ("verdict", "fault", "source", "why")} for s in unproved]

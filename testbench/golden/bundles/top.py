@@ -223,10 +223,8 @@ def bundle_level(manifest):
 def pin_delays(folder, manifest):
     """{pin: clocks that it comes later} of a bundle of the pins."""
     path = Path(folder) / bundle.MANIFEST
-    clocks, pins = (
-        inputs.validate_data(manifest.get("clocks", {}), dict[str, int], path),
-        [p.name for p in make_block({}).pins],
-    )
+    clocks = inputs.validate_data(manifest.get("clocks", {}), dict[str, int], path)
+    pins = [p.name for p in make_block({}).pins]
     for name, k in clocks.items():
         if name not in pins or not 0 < k <= MOST_CLOCKS or manifest["registers"]:
             raise FileError(f"{path}: clocks: {name} = {k} is no pin that comes 1 .. {MOST_CLOCKS} clocks later")
@@ -247,11 +245,11 @@ def write(
 ):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
-    of_board    the manifest names the design, even if it is the default one
-    level       `pins`: rows and signatures are of the pins alone
-    shown_rows  rows that differ of which the benches name every port
-    more        {path: text} of further files
-    clocks      {pin: clocks that it comes later}, of level `pins`
+    include_design  the manifest names the design, even if it is the default one
+    level           `pins`: rows and signatures are of the pins alone
+    reported_rows   rows that differ of which the benches name every port
+    more            {path: text} of further files
+    clocks          {pin: clocks that it comes later}, of level `pins`
     """
     d, pins_only = r.params.design, level == "pins"
     design = make_block({r.name: r.params}, d if include_design or d != DEFAULT else None)
@@ -266,9 +264,8 @@ def write(
     else:
         signatures = [signature.remainder_signature(words) for words in rows.remainders]
         reference = ReplayReference(design, np.column_stack([rows.registers, rows.pins]), signatures, {})
-        pin_files = {
-            f"{PINS}/{name}": text for name, text in _pin_bundle_texts(r, pins, at, rows.inputs, reported_rows).items()
-        }
+        texts = _pin_bundle_texts(r, pins, at, rows.inputs, reported_rows)
+        pin_files = {f"{PINS}/{name}": text for name, text in texts.items()}
     files, counts = _files(r, reference, at, rows.inputs, reported_rows)
     columns = [(p.name, p) for p in design.columns] + benches.results(reference.design)
     both = np.column_stack([rows.inputs, reference.exp])
@@ -279,13 +276,8 @@ def write(
         **(more or {}),
     }
     manifest = _replay_manifest(reference.design, r, at, counts, reference.clocks)
-    return bundle.write(
-        Path(folder),
-        manifest,
-        files,
-        [_window_waveform_writer(reference.design, r.windows, at, both)],
-        scores.note_score,
-    )
+    writer = _window_waveform_writer(reference.design, r.windows, at, both)
+    return bundle.write(Path(folder), manifest, files, [writer], scores.note_score)
 
 
 def _pin_bundle_texts(r, reference, at, stim, reported_rows):

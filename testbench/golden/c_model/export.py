@@ -35,7 +35,7 @@ def firmware(config=None):
 def model(params, extend=None):
     """{name: text} of headers and sources of a firmware (`top.Params`).
 
-    extend(program, made)  writes more functions; `made` is the whole design
+    extend(program, c_block)  writes more functions; `c_block` is the whole design
     """
     program, c_blocks = flat_ports.translate_firmware(params)
     return _model(program, c_blocks, extend)

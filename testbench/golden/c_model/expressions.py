@@ -235,11 +235,11 @@ class Expressions:
     def signature(self, func, argument_nodes):
         return self.program.function(func, tuple(self.kind(part) for part in argument_nodes))
 
-    def arguments(self, signature, argument_nodes):
+    def arguments(self, signature, nodes):
         """Texts of the arguments that C has."""
         return ", ".join(
             bare(self.value(part).text)
-            for part, kind in zip(argument_nodes, signature.kinds)
+            for part, kind in zip(nodes, signature.kinds)
             if not isinstance(kind, StaticValue)
         )
 

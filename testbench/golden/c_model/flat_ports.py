@@ -26,7 +26,7 @@ class CBlock(NamedTuple):
     pins: list
 
 
-def _translate_function(program, module, name, kinds):
+def _translate(program, module, name, kinds):
     """(names of the arguments, `Signature`) of a function of a block."""
     names = list(inspect.signature(registry.python_function(getattr(module, name))).parameters)
     return names, program.function(getattr(module, name), tuple(kinds[key] for key in names))
@@ -43,9 +43,9 @@ def _params(module, params, design):
 
 
 def make(program, stem, ports, params, optional=None):
-    """`Made` of a block of a firmware.
+    """`CBlock` of a block of a firmware.
 
-    like      parameters; None where it has none
+    params    parameters; None where it has none
     optional  registers with the optional parts that the firmware has; None: those at reset
     """
     module = top if stem == top_bundle.STEM else registry.block_modules()[stem]
@@ -66,13 +66,12 @@ def make(program, stem, ports, params, optional=None):
     outputs = ["pins"] if module is top else list(module.BLOCK.outputs)
     return CBlock(
         ports, [] if runtime else _params(module, params, d), {**{k: kinds[k] for k in shapes}, **kinds}, runtime,
-        _translate_function(program, module, "step", kinds),
-        [_translate_function(program, module, name, kinds) for name in outputs],
+        _translate(program, module, "step", kinds), [_translate(program, module, name, kinds) for name in outputs],
     )  # fmt: skip
 
 
 def translate_firmware(params):
-    """(Program, [Made]) of every block and of the whole design of a firmware (`top.Params`)."""
+    """(Program, [CBlock]) of every block and of the whole design of a firmware (`top.Params`)."""
     design = params.design
     program = Program(design)
     program.table(sine.table(design), sine.__name__, "table")
@@ -86,7 +85,7 @@ def translate_firmware(params):
     c_blocks.append(make(program, top_bundle.STEM, top_ports, params, state))
     for name in ("amplitude", "dac_init"):
         kinds = {"p": infer_kind(params.control), "s": infer_kind(state.control)}
-        _translate_function(program, control, name, kinds)
+        _translate(program, control, name, kinds)
     return program, c_blocks
 
 
@@ -150,7 +149,7 @@ def _show_text(c_block):
     return "\n".join([f"{head} {{", *copies, UNUSED.replace(";", ", (void)pins;"), *lines, "}", ""])
 
 
-def _int64_literal(value):
+def _int64(value):
     return f"INT64_C({value})" if value >= 0 else f"-INT64_C({-value})"
 
 
@@ -159,8 +158,7 @@ def _table(stem, what, rows):
     if not rows:
         return "", "{NULL, 0}"
     lines = [
-        f'    {{"{name}", {width}, {signed}, {later}, {_int64_literal(value)}}},'
-        for name, width, signed, later, value in rows
+        f'    {{"{name}", {width}, {signed}, {later}, {_int64(value)}}},' for name, width, signed, later, value in rows
     ]
     text = "\n".join([f"static const gyro_port {stem}_{what}[] = {{", *lines, "};", ""])
     return text, f"{{{stem}_{what}, {len(rows)}}}"
@@ -180,7 +178,7 @@ def _ports_text(c_block):
     nominal = "NULL"
     if c_block.params:
         nominal = f"{b.stem}_nominal"
-        values = ", ".join(_int64_literal(value) for _, _, value, _ in c_block.params)
+        values = ", ".join(_int64(value) for _, _, value, _ in c_block.params)
         texts.append(f"static const int64_t {nominal}[] = {{{values}}};\n")
     entry = f'    {{"{b.stem}", {", ".join(entries)}, {nominal}, {b.stem}_step, {b.stem}_show}},'
     return "\n".join(filter(None, texts)), entry

@@ -1,9 +1,9 @@
 """What a value of a kernel is in C: a number, a record, an array, or something that is known when the C is written.
 
-    NUMBER          int64_t
-    Record          struct of the fields of a NamedTuple, depth first; what is known is no member
-    Array(of, n)    n values of one kind
-    Known(value)    a design record, a table, None: no argument and no member is made of it
+    NUMBER              int64_t
+    Record              struct of the fields of a NamedTuple, depth first; what is known is no member
+    Array(of, n)        n values of one kind
+    StaticValue(value)  a design record, a table, None: no argument and no member is made of it
 
 A number is passed by value; a record or an array by a pointer to const.
 """

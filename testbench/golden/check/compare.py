@@ -107,9 +107,8 @@ class Report(NamedTuple):
             "clocks",
             "differing",
         )
-        return {"passed": self.passed, "first": first, "diagnosis": self.cause_entries()} | {
-            k: getattr(self, k) for k in report_keys
-        }
+        head = {"passed": self.passed, "first": first, "diagnosis": self.cause_entries()}
+        return head | {k: getattr(self, k) for k in report_keys}
 
     def to_json(self):
         """The result as JSON text with sorted keys."""
@@ -142,12 +141,10 @@ class Report(NamedTuple):
 
     def why(self):
         """The lines of the diagnosis."""
-        diagnosis_lines = [cause.text() for cause in self.diagnosis] or [
-            "unknown: no cause of the list explains the rows"
-        ]
+        lines = [cause.text() for cause in self.diagnosis] or ["unknown: no cause of the list explains the rows"]
         if self.divergence.is_input:
-            diagnosis_lines = ["none: the design was not given the golden stimulus"]
-        return "".join(f"{'diagnosis' if k == 0 else '':18}{line}\n" for k, line in enumerate(diagnosis_lines))
+            lines = ["none: the design was not given the golden stimulus"]
+        return "".join(f"{'diagnosis' if k == 0 else '':18}{line}\n" for k, line in enumerate(lines))
 
     def _rows_before(self):
         d = self.divergence
@@ -292,7 +289,7 @@ def compare_bundle(golden, got, before=BEFORE, scope=None):
 
     golden  `bundle.Bundle`
     got     {name: column or Column} of the design
-    found   `foreign.judged.Judged` of the bundle; None: every row of every port
+    scope   `foreign.comparison_scope.ComparisonScope` of the bundle; None: every row of every port
     Raises FileError for the bundle of the whole firmware: its rows are apart, and only its own bench can use them.
     """
     manifest = golden.manifest
@@ -312,7 +309,7 @@ def compare_bundle(golden, got, before=BEFORE, scope=None):
     )
 
 
-def _driven_column(golden, logged):
+def _driven(golden, logged):
     """Column of an input: what the design was given, where its log says so."""
     return golden if logged is None else np.where(logged.known[: len(golden)], logged.values[: len(golden)], golden)
 
@@ -328,8 +325,7 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
         # a column has the register's values where an input has its name
         inputs={
-            name: _driven_column(column[:n], None if name in names else logged.get(name))
-            for name, column in inputs.items()
+            name: _driven(column[:n], None if name in names else logged.get(name)) for name, column in inputs.items()
         },
         expected={name: golden[name][:n] for name in names},
         got={name: logged[name].values[:n] for name in logged_names},

@@ -33,7 +33,7 @@ class Design(NamedTuple):
     manifest  of the bundle, or of the part of it that is judged
     module    what the bench instantiates
     wrapper   text around the design, or None
-    named     `DesignMap`, or None
+    port_map  `DesignMap`, or None
     style     of its reset;  clocks  {RTL port: extra clocks}
     """
 
@@ -71,11 +71,8 @@ class Design(NamedTuple):
 
     def hint(self, missing):
         """What helps where these ports are missing; empty if nothing is known to."""
-        hints = (
-            ['a design without a reset has style = "none"']
-            if self.port_map and self.port_map.reset[0] in missing
-            else []
-        )
+        no_reset = self.port_map and self.port_map.reset[0] in missing
+        hints = ['a design without a reset has style = "none"'] if no_reset else []
         registers = self.level == "registers" and any(name.startswith("r_") for name in missing)
         return [*hints, *["level registers needs every register, another --level does not"] * registers]
 

@@ -55,13 +55,11 @@ def _shift_causes(rows):
     if len(differing) < 2:
         return []
     for k in range(1, MOST_SHIFT + 1):
-        for cause, log_slice, golden_slice in (
+        for cause, log, golden in (
             ("late", slice(k, None), slice(None, -k)),
             ("early", slice(None, -k), slice(k, None)),
         ):
-            columns = [
-                (c[log_slice], rows.expected[n][golden_slice], rows.care[n][log_slice]) for n, c in rows.got.items()
-            ]
+            columns = [(c[log], rows.expected[n][golden], rows.care[n][log]) for n, c in rows.got.items()]
             if all(np.array_equal(have[counts], want[counts]) for have, want, counts in columns):
                 return [Cause(cause, differing[0], 1.0, f"all ports by {k} clock{'s' * (k > 1)}")]
     return []
@@ -120,13 +118,10 @@ def _top_causes(rows):
     if not set(registers) <= set(rows.got):
         return _pin_causes(rows, net, instances, registers)
     register_columns = {name: np.where(rows.care[name], rows.got[name], rows.expected[name]) for name in registers}
-    wires = Wires(
-        net,
-        {("in", name): column for name, column in (rows.inputs | register_columns).items()},
-        len(register_columns[registers[0]]),
-    )
+    columns = {("in", name): column for name, column in (rows.inputs | register_columns).items()}
+    wires = Wires(net, columns, len(register_columns[registers[0]]))
     valid_rows = np.logical_and.reduce([rows.care[name] for name in registers])
-    causes_by_kind, total = {}, 0
+    groups, total = {}, 0
     for one in instances.values():
         names = {name: port for name, port in one.names.items() if port in rows.got}
         if not any(np.any((rows.got[p] != rows.expected[p]) & rows.care[p]) for p in names.values()):
@@ -135,11 +130,9 @@ def _top_causes(rows):
         total += count
         for cause in instance_causes:
             design_cause = cause._replace(register=one.names[cause.register], share=cause.share * count)
-            causes_by_kind.setdefault((cause.cause, *one.homes[cause.register]), []).append(design_cause)
-    merged_causes = [
-        group[0]._replace(share=sum(cause.share for cause in group) / total) for group in causes_by_kind.values()
-    ]
-    return sorted(merged_causes, key=lambda cause: -cause.share)[:MOST_LISTED]
+            groups.setdefault((cause.cause, *one.homes[cause.register]), []).append(design_cause)
+    merged = [group[0]._replace(share=sum(c.share for c in group) / total) for group in groups.values()]
+    return sorted(merged, key=lambda cause: -cause.share)[:MOST_LISTED]
 
 
 def _pin_causes(rows, net, instances, registers):
@@ -155,7 +148,7 @@ def _pin_causes(rows, net, instances, registers):
     wrong = {pin for pin, column in rows.got.items() if np.any((column != rows.expected[pin]) & care[pin])}
     golden = rows.inputs | {name: rows.expected[name] for name in registers}
     wires = Wires(net, {("in", name): column for name, column in golden.items()}, len(rows.inputs["rst"]))
-    causes_by_instance, modules = [], set()
+    per_instance, modules = [], set()
     for path, one in instances.items():
         pins = {name: pin for name, pin in design_graph.instance_pins(path).items() if pin in rows.got}
         if not wrong & set(pins.values()):
@@ -167,26 +160,24 @@ def _pin_causes(rows, net, instances, registers):
         leaf_columns |= {("reg", name): rows.expected[one.names[name]] for name in instance_net.reset}
         leaf_columns["in", "rst"] = rows.inputs["rst"]
         pin_columns = [{name: of[pin] for name, pin in pins.items()} for of in (rows.got, care, rows.expected)]
-        instance_causes = hidden_causes(PartialObservation(instance_net, leaf_columns, *pin_columns), every=True)
-        causes_by_instance.append(
-            {(c.cause, c.what): c._replace(register=one.names[c.register]) for c in instance_causes}
-        )
+        causes = hidden_causes(PartialObservation(instance_net, leaf_columns, *pin_columns), every=True)
+        per_instance.append({(c.cause, c.what): c._replace(register=one.names[c.register]) for c in causes})
     if wrong or len(modules) != 1:
         return []
-    both = set.intersection(*map(set, causes_by_instance))
-    share = min((cause.share for of in causes_by_instance for cause in of.values()), default=0.0) / BEYOND_PINS
+    both = set.intersection(*map(set, per_instance))
+    share = min((cause.share for of in per_instance for cause in of.values()), default=0.0) / BEYOND_PINS
     common_causes = {}
-    for key in causes_by_instance[0]:
+    for key in per_instance[0]:
         if key in both:
-            cause = causes_by_instance[0][key]._replace(share=share)
+            cause = per_instance[0][key]._replace(share=share)
             common_causes.setdefault((cause.cause, cause.register), cause)
     return list(common_causes.values())[:MOST_LISTED]
 
 
 def _instance_causes(rows, one, names, wires, valid_rows):
-    """([Cause], registers and pins at fault) of an `of_top.Wired`; `names` are those of its registers and pins."""
+    """([Cause], registers and pins at fault) of a `design_graph.Wired`; `names`: its registers and pins."""
     net = elaborate.block_net(one.module.__name__.rpartition(".")[2], one.params, rows.design)
-    instance_rows = rows._replace(
+    block_rows = rows._replace(
         expected={name: rows.expected[port] for name, port in names.items()},
         got={name: rows.got[port] for name, port in names.items()},
         # what follows from a value that nobody knows is not judged
@@ -196,15 +187,11 @@ def _instance_causes(rows, one, names, wires, valid_rows):
     leaf_columns = {("in", name): wires.node_column(node) for name, node in one.ports.items()}
     leaf_columns["in", "rst"] = rows.inputs["rst"]
     for name in net.reset:
-        leaf_columns["reg", name] = np.where(
-            instance_rows.care[name], instance_rows.got[name], instance_rows.expected[name]
-        )
-    search = Search(net, leaf_columns, instance_rows.got, instance_rows.care, instance_rows.expected)
-    ranked_causes, count = _search_causes(instance_rows, search)
-    wrong_counts = {name: np.count_nonzero(target.wrong) for name, target in search.targets.items()}
-    return [
-        c._replace(share=c.share / 2) if 0 < wrong_counts[c.register] < LEAST_ROWS else c for c in ranked_causes
-    ], count
+        leaf_columns["reg", name] = np.where(block_rows.care[name], block_rows.got[name], block_rows.expected[name])
+    search = Search(net, leaf_columns, block_rows.got, block_rows.care, block_rows.expected)
+    causes, count = _search_causes(block_rows, search)
+    wrong = {name: np.count_nonzero(target.wrong) for name, target in search.targets.items()}
+    return [c._replace(share=c.share / 2) if 0 < wrong[c.register] < LEAST_ROWS else c for c in causes], count
 
 
 def _first_row_causes(rows, search):

@@ -63,14 +63,12 @@ def verilog(manifest, rom=None, level="registers", module=None):
     _check_names(manifest)
     inputs, result_ports = manifest["inputs"], results(manifest, level)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
-    parameter_values = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
-    parameter_values += [
-        f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)
-    ]
-    parameter_values += [f'.ROM_FILE("{rom}")'] if rom else []
+    values = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
+    values += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)]
+    values += [f'.ROM_FILE("{rom}")'] if rom else []
     ports = [".clk(clk)", *(f".{p['name']}(`IN(now[{hi}:{lo}]))" for p, hi, lo in _slices(inputs))]
     ports += [f".{name}({name})" for name, _ in result_ports]
-    generics = " #(\n" + ",\n".join(parameter_values) + "\n)" if parameter_values else ""
+    generics = " #(\n" + ",\n".join(values) + "\n)" if values else ""
     wires = "\n".join(f"    wire [{p['width'] - 1}:0] {name};" for name, p in result_ports)
     words = ", ".join(name for name, _ in result_ports)
     return f"""`timescale 1ps/1ps
@@ -124,13 +122,13 @@ def vhdl(manifest, rom=None, level="registers", module=None):
     def part(hi, lo):
         return f"({hi})" if hi == lo else f"({hi} downto {lo})"
 
-    parameter_values = [f"{name} => {value}" for name, value in rtl_parameters(manifest)]
-    parameter_values += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
-    parameter_values += [f'ROM_FILE => "{rom}"'] if rom else []
+    values = [f"{name} => {value}" for name, value in rtl_parameters(manifest)]
+    values += [f"{name} => {literal(raw, bits)}" for name, bits, _, raw in parameters(manifest)]
+    values += [f'ROM_FILE => "{rom}"'] if rom else []
     nets = [(p["name"], f"now{part(hi, lo)}") for p, hi, lo in _slices(inputs)]
     ports = ["clk => clk", *(f"{name} => {net} and {net}" for name, net in nets)]
     ports += [f"{p['name']} => got{part(hi, lo)}" for p, hi, lo in outs]
-    generics = "generic map (\n" + ",\n".join(parameter_values) + "\n)\n" if parameter_values else ""
+    generics = "generic map (\n" + ",\n".join(values) + "\n)\n" if values else ""
     writes = "\n".join(f"            write(row, to_hstring(got({hi} downto {lo})) & ' ');" for _, hi, lo in outs)
     return f"""library ieee;
 use ieee.std_logic_1164.all;

@@ -282,10 +282,8 @@ def _check_activity(columns, scope, design):
     # rows behind a clock without reset: with the other polarity they show the reset alone
     names = [p["name"] for p in golden.manifest["inputs"]]
     reset = golden.stim[:, names.index("rst")] != 0 if "rst" in names else np.zeros(len(golden.exp), bool)
-    after_reset = np.r_[False, ~reset[:-1]]
-    if not all(
-        columns[n].known[after_reset].all() and len(np.unique(columns[n].values[after_reset])) == 1 for n in moves
-    ):
+    after = np.r_[False, ~reset[:-1]]
+    if not all(columns[n].known[after].all() and len(np.unique(columns[n].values[after])) == 1 for n in moves):
         return
     if any(len(np.unique(columns[n].values[columns[n].known])) > 1 for n in moves):
         active = design.port_map.reset[1] if design.port_map else 1

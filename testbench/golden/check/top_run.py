@@ -32,7 +32,7 @@ MOST_OUTPUT_BYTES = 1 << 28
 
 
 def _bench(folder, level, work_folder, choice):
-    """(folder in `place`, manifest) of the bench of a level: what it opens is copied, or written for the pins."""
+    """(folder in `work_folder`, manifest) of the bench of a level: what it opens is copied, or written for the pins."""
     bench, manifest = work_folder / "bench", bundle.read(folder).manifest
     if level != "registers" and (manifest["registers"] or _has_custom_names(choice) or choice.latency):
         return bench, write_pin_bundle(folder, level, bench, choice.map, choice.top, choice.latency)
@@ -78,7 +78,7 @@ def _value(word, port):
 
 
 def prefixed_manifest(manifest):
-    """Manifest in which registers and pins have different names (`of_top.port_of`)."""
+    """Manifest in which registers and pins have different names (`design_graph.report_name`)."""
     registers = [{**p, "name": report_name(p["name"])} for p in manifest["registers"]]
     return {**manifest, "registers": registers, "schema": compare.SCHEMA}
 
@@ -91,14 +91,11 @@ def _logged(golden, text):
     columns_by_port = dict(zip(ports, columns, strict=True))
     for clock, name, _, got in ROW.findall(text):
         value = _value(got, ports[name])
-        columns_by_port[name].values[int(clock) - first], columns_by_port[name].known[int(clock) - first] = (
-            value or 0,
-            value is not None,
-        )
-    port_manifest = prefixed_manifest(manifest)
-    return dict(
-        zip([p["name"] for k in ("inputs", "registers", "outputs") for p in port_manifest[k]], columns, strict=True)
-    )
+        column, row = columns_by_port[name], int(clock) - first
+        column.values[row], column.known[row] = value or 0, value is not None
+    manifest = prefixed_manifest(manifest)
+    names = [p["name"] for k in ("inputs", "registers", "outputs") for p in manifest[k]]
+    return dict(zip(names, columns, strict=True))
 
 
 def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
@@ -120,34 +117,19 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     sim = design.sim
     with tempfile.TemporaryDirectory(prefix="gyro-check-") as work_folder:
         work_folder = Path(work_folder).resolve()
-        (bench, bench_manifest), run = (
-            _bench(folder, level, work_folder, choice),
-            Runner(work_folder, timeout_s, MOST_OUTPUT_BYTES),
-        )
+        bench, manifest = _bench(folder, level, work_folder, choice)
+        run = Runner(work_folder, timeout_s, MOST_OUTPUT_BYTES)
         files = choice.files or (_write_file_list(design.sources, work_folder) if _has_custom_names(choice) else None)
         text = _run_check_script(run, bench, sim, rtl, files, level)
         differs = "FAIL " in text
-        report = _compare_window(text, run, bench, sim, rtl, files, level, bench_manifest) if differs else None
+        report = _compare_window(text, run, bench, sim, rtl, files, level, manifest) if differs else None
     count = int(re.search(r"(?:of|all) (\d+) rows", text)[1] if differs else PASSED.search(text)[2])
-    ports = tuple(p["name"] for k in ("registers", "outputs") for p in prefixed_manifest(bench_manifest)[k])
-    port_delays = {f"o_{name}": k for name, k in bench_manifest.get("clocks", {}).items()}
+    ports = tuple(p["name"] for k in ("registers", "outputs") for p in prefixed_manifest(manifest)[k])
+    delays = {f"o_{name}": k for name, k in manifest.get("clocks", {}).items()}
     if report is None:
-        return Report(
-            "top",
-            bench_manifest["case"],
-            count,
-            bench_manifest["n"],
-            ports,
-            (),
-            level,
-            count,
-            port_delays,
-            {},
-            None,
-            (),
-        )
+        return Report("top", manifest["case"], count, manifest["n"], ports, (), level, count, delays, {}, None, ())
     return report._replace(
-        level=level, rows=count, golden_rows=bench_manifest["n"], judged_rows=count, ports=ports, clocks=port_delays
+        level=level, rows=count, golden_rows=manifest["n"], judged_rows=count, ports=ports, clocks=delays
     )
 
 

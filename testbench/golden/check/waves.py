@@ -55,11 +55,11 @@ def read_map(path):
     path = Path(path)
     tree = inputs.read_toml(path, error=FileError)
 
-    def check_entry(ok, key, value, limit):
+    def expect(ok, key, value, limit):
         if not ok:
             raise FileError(f"{path}: {key}: {value!r} is not {limit}")
 
-    check_entry(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
+    expect(tree.get("schema") == SCHEMA, "schema", tree.get("schema"), SCHEMA)
     allowed = {
         "schema": (),
         "first_edge": (),
@@ -68,24 +68,20 @@ def read_map(path):
         "reset": ("signal", "active"),
     }
     for key, value in tree.items():
-        check_entry(key in allowed, "key", key, f"one of {', '.join(allowed)}")
+        expect(key in allowed, "key", key, f"one of {', '.join(allowed)}")
         if key in ("ports", "clock", "reset"):
-            check_entry(isinstance(value, dict), key, value, "a table")
+            expect(isinstance(value, dict), key, value, "a table")
         for name in value if allowed[key] else ():
-            check_entry(name in allowed[key], f"{key} key", name, f"one of {', '.join(allowed[key])}")
+            expect(name in allowed[key], f"{key} key", name, f"one of {', '.join(allowed[key])}")
     ports, clock, reset = tree.get("ports", {}), tree.get("clock", {}), tree.get("reset")
-    check_entry(
-        ports and all(isinstance(v, str) for v in ports.values()), "ports", ports, "a table of port = signal path"
-    )
-    check_entry(isinstance(clock.get("signal", ""), str), "clock.signal", clock.get("signal"), "a signal path")
-    check_entry(
-        clock.get("edge", "rising") in ("rising", "falling"), "clock.edge", clock.get("edge"), "rising or falling"
-    )
+    expect(ports and all(isinstance(v, str) for v in ports.values()), "ports", ports, "a table of port = signal path")
+    expect(isinstance(clock.get("signal", ""), str), "clock.signal", clock.get("signal"), "a signal path")
+    expect(clock.get("edge", "rising") in ("rising", "falling"), "clock.edge", clock.get("edge"), "rising or falling")
     if reset is not None:
-        check_entry(isinstance(reset.get("signal"), str), "reset.signal", reset.get("signal"), "a signal path")
-        check_entry(reset.get("active", 1) in (0, 1), "reset.active", reset.get("active"), "0 or 1")
+        expect(isinstance(reset.get("signal"), str), "reset.signal", reset.get("signal"), "a signal path")
+        expect(reset.get("active", 1) in (0, 1), "reset.active", reset.get("active"), "0 or 1")
     first = tree.get("first_edge", 0)
-    check_entry(type(first) is int and first >= 0, "first_edge", first, "a whole number from 0")
+    expect(type(first) is int and first >= 0, "first_edge", first, "a whole number from 0")
     return Map(
         ports=ports,
         clock=clock.get("signal", ""),
@@ -114,9 +110,7 @@ def _vcd(path, paths):
         return identifiers.values()
 
     changes = vcd_log.read(path, choose)
-    return {
-        signal_path: (*changes[identifier], *slices[signal_path]) for signal_path, identifier in identifiers.items()
-    }
+    return {name: (*changes[identifier], *slices[name]) for name, identifier in identifiers.items()}
 
 
 def _fst(path, paths):

@@ -217,14 +217,10 @@ class _Transformer(ast.NodeTransformer):
 
     def visit_If(self, node):
         if self.is_constant(node.test):
-            return self.transform_statements(node.body if self.value(node.test) else node.orelse) or ast.Pass()
-        return ast.If(
-            self.probe_condition(node.test),
-            self.transform_statements(node.body),
-            self.transform_statements(node.orelse),
-        )
+            return self.statements(node.body if self.value(node.test) else node.orelse) or ast.Pass()
+        return ast.If(self.probe_condition(node.test), self.statements(node.body), self.statements(node.orelse))
 
-    def transform_statements(self, nodes):
+    def statements(self, nodes):
         statements = []
         for node in nodes:
             visited = self.visit(node)
@@ -266,10 +262,8 @@ class _Transformer(ast.NodeTransformer):
             kind, possible, factory = PROBED_FUNCTIONS[plain.__name__]
             return ast.Call(self.add_probe(kind, node, possible, factory), arguments, keywords)
         if inspect.isfunction(plain) and plain.__module__.startswith("fpga_model."):
-            arguments_by_name = dict(zip(inspect.signature(plain).parameters, node.args)) | {
-                k.arg: k.value for k in node.keywords
-            }
-            steady = {name: self.value(value) for name, value in arguments_by_name.items() if self.is_constant(value)}
+            nodes = dict(zip(inspect.signature(plain).parameters, node.args)) | {k.arg: k.value for k in node.keywords}
+            steady = {name: self.value(value) for name, value in nodes.items() if self.is_constant(value)}
             inner = self.owner.copy(plain, f"{self.path} > {ast.unparse(node.func)}", steady)
             return ast.Call(ast.Name(inner, ast.Load()), arguments, keywords)
         return ast.Call(node.func, arguments, keywords)
@@ -323,7 +317,7 @@ class Probed:
         stored = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
         changing = (set(inspect.signature(function).parameters) - set(fixed)) | stored
         changed = _Transformer(self, names, path if self.calls[path] == 1 else f"{path}#{self.calls[path]}", changing)
-        tree.body = changed.transform_statements(tree.body)
+        tree.body = changed.statements(tree.body)
         names["__builtins__"] = __builtins__
         code = compile(ast.fix_missing_locations(ast.Module([tree], [])), inspect.getfile(function), "exec")
         names.update(self.shared)

@@ -59,7 +59,7 @@ class GoalSite(NamedTuple):
 
 @functools.cache
 def _goal_sites(stem, case):
-    """{(kind, name): Place} of every probe of a case."""
+    """{(kind, name): GoalSite} of every probe of a case."""
     sites = probes.build_probed_step(blocks.BLOCKS[stem], case).sites.values()
     return {(s.kind, s.name): GoalSite(s.function, s.copy, _parse_expression(s.text), s.again) for s in sites}
 
@@ -245,18 +245,16 @@ def _loop(block, case):
     return Loop(p.loop, ERRORS[block.stem], None if block.stem == "frequency_tracker" else preset, None)
 
 
-def _acc_reaches(loop, limit, offset_lsb):
+def _acc_reaches(loop, limit, offset):
     """Whether acc + ki*e can be limit*2**24 + beyond, by divisibility alone."""
     p = loop.p
     if loop.preset is None:
-        return any(
-            (limit * ONE + offset_lsb - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi)
-        )
-    if offset_lsb % largest_power_of_two(p.ki):
+        return any((limit * ONE + offset - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi))
+    if offset % largest_power_of_two(p.ki):
         return False
-    integral_steps = [p.ki * e for e in loop.solve_errors(p.ki, offset_lsb % ONE)]
+    integral_steps = [p.ki * e for e in loop.solve_errors(p.ki, offset % ONE)]
     span = (p.hi - p.lo) * ONE
-    lowest, highest = (offset_lsb, span + offset_lsb) if limit == p.hi else (offset_lsb - span, offset_lsb)
+    lowest, highest = (offset, span + offset) if limit == p.hi else (offset - span, offset)
     return any(lowest <= m <= highest for m in integral_steps)
 
 

@@ -83,17 +83,17 @@ def word_hypotheses(net, node):
             yield from _word_bit_hypotheses(net, child, node, functools.partial(with_argument, net, node, k))
 
 
-def _word_bit_hypotheses(net, child, site, build_node):
+def _word_bit_hypotheses(net, child, site, build):
     if child.value == "rst" or static(child) is not None:
         return
     for word in net.cone_nodes(child):
         if word.op in ("reg", "in") and not is_flag(word) and net.node_width(word) <= 62:
             for bit in range(net.node_width(word)):
                 flag = bit_node(net, word, bit)
-                for description, by in ((f"{word!r}[{bit}]", flag), (f"not {word!r}[{bit}]", net.node("not", (flag,)))):
+                for text, by in ((f"{word!r}[{bit}]", flag), (f"not {word!r}[{bit}]", net.node("not", (flag,)))):
                     if by is not child:
                         yield Hypothesis(
-                            "condition", f"{description} in the place of {child!r}", site, build_node(by), READ_BIT_COST
+                            "condition", f"{text} in the place of {child!r}", site, build(by), READ_BIT_COST
                         )
 
 
@@ -109,8 +109,8 @@ def hypotheses(search, target, inside, picked, wrong):
             yield from _condition_hypotheses(search, target, condition_site, lambda flag: flag, picked, wrong)
         for node, k in uses if len(uses) > 1 or len(net.users[child.id]) > 1 else ():
             if target.root.cone >> node.id & 1:
-                build_node = functools.partial(with_argument, net, node, k)
-                yield from _condition_hypotheses(search, target, (node, child, [(node, k)]), build_node, picked, wrong)
+                build = functools.partial(with_argument, net, node, k)
+                yield from _condition_hypotheses(search, target, (node, child, [(node, k)]), build, picked, wrong)
 
 
 def decisions(search, target, inside, wrong, enough):
@@ -126,13 +126,13 @@ def decisions(search, target, inside, wrong, enough):
         ways = [(child, lambda flag: flag)] if len(uses) == len(net.users[child.id]) else []
         if len(net.users[child.id]) > 1:
             ways += [(node, functools.partial(with_argument, net, node, k)) for node, k in uses]
-        for site, build_node in ways:
+        for site, build in ways:
             if target.root.cone >> site.id & 1:
                 some = wrong[:: max(len(wrong) // SOME, 1)]
-                if enough(some[~_explained_rows(search, target, site, build_node, some)]):
-                    explained = _explained_rows(search, target, site, build_node, wrong)
+                if enough(some[~_explained_rows(search, target, site, build, some)]):
+                    explained = _explained_rows(search, target, site, build, wrong)
                     if explained.any() and enough(wrong[~explained]):
-                        off, on = _values_by_flag(search, target, site, build_node, slice(None))
+                        off, on = _values_by_flag(search, target, site, build, slice(None))
                         need = (target.got == on)[target.compared_rows & (off != on)]
                         yield explained, bool(need.any() and not need.all())
 
@@ -147,43 +147,40 @@ def free_condition_hypotheses(search, target, inside, wrong):
         ways = [(child, lambda flag: flag)] if len(uses) == len(net.users[child.id]) else []
         if len(net.users[child.id]) > 1:
             ways += [(node, functools.partial(with_argument, net, node, k)) for node, k in uses]
-        for site, build_node in ways:
-            if (
-                not target.root.cone >> site.id & 1
-                or not _explained_rows(search, target, site, build_node, wrong).all()
-            ):
+        for site, build in ways:
+            if not target.root.cone >> site.id & 1 or not _explained_rows(search, target, site, build, wrong).all():
                 continue
-            off, on = _values_by_flag(search, target, site, build_node, slice(None))
+            off, on = _values_by_flag(search, target, site, build, slice(None))
             decided = target.compared_rows & (off != on)
             if np.any(decided & (off != target.got) & (on != target.got)):
                 continue
             flag = search.free(target, child, np.where(decided, on == target.got, search.rows.node_column(child) != 0))
-            yield Hypothesis("condition", f"another condition for {child!r}", site, build_node(flag), FREE_COST, True)
+            yield Hypothesis("condition", f"another condition for {child!r}", site, build(flag), FREE_COST, True)
 
 
-def _explained_rows(search, target, site, build_node, at):
+def _explained_rows(search, target, site, build, at):
     """Which of some rows the design has with the condition that is 0 or 1 there."""
-    off, on = _values_by_flag(search, target, site, build_node, at)
+    off, on = _values_by_flag(search, target, site, build, at)
     return (off != on) & ((off == target.got[at]) | (on == target.got[at]))
 
 
-def _values_by_flag(search, target, site, build_node, at):
+def _values_by_flag(search, target, site, build, at):
     """Values of a target at rows with a condition that is 0, and 1."""
-    ways = [search.rows.row_values(build_node(search.net.const(flag)), at) for flag in (0, 1)]
+    ways = [search.rows.row_values(build(search.net.const(flag)), at) for flag in (0, 1)]
     size = search.count if isinstance(at, slice) else len(at)
     return search.faulty_values(target, ((site, np.stack([way + np.zeros(size, np.int64) for way in ways])),), at)
 
 
-def _condition_hypotheses(search, target, condition_site, build_node, picked, wrong):
-    """Hypotheses on one condition: `put` gives what stands for the site with another flag as the condition.
+def _condition_hypotheses(search, target, condition_site, build, picked, wrong):
+    """Hypotheses on one condition: `build` gives what stands for the site with another flag as the condition.
 
-    places  (site, condition, its uses that are varied)
+    condition_site  (site, condition, its uses that are varied)
     """
     net, (site, child, uses) = search.net, condition_site
-    off, on = _values_by_flag(search, target, site, build_node, picked)
+    off, on = _values_by_flag(search, target, site, build, picked)
     if not np.all((off != on) & ((off == target.got[picked]) | (on == target.got[picked]))):
         return
-    off, on = _values_by_flag(search, target, site, build_node, slice(None))
+    off, on = _values_by_flag(search, target, site, build, slice(None))
     decided = target.compared_rows & (off != on)
     need = decided & (on == target.got)
     if not decided[wrong].all() or np.any(decided & ~need & (off != target.got)):
@@ -191,7 +188,7 @@ def _condition_hypotheses(search, target, condition_site, build_node, picked, wr
     now, read = search.rows.node_column(child) != 0, set(net.cone_nodes(child))
 
     def fault(what, flag, cost, cause="condition", fitted=True):
-        return Hypothesis(cause, what, site, build_node(flag), cost, fitted)
+        return Hypothesis(cause, what, site, build(flag), cost, fitted)
 
     for value in (0, 1):
         if not np.any(decided & (need != bool(value))):

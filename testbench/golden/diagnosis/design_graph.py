@@ -118,13 +118,7 @@ def wire_design(params):
         inner = {port_name(name): f"{path}.{name}" for name, _ in leaves(stepped)}
         pins = {name: f"{path}.{name}" for name, _ in registry.pins(module, d)}
         pins = {name: pin for name, pin in pins.items() if pin in _top_pins()}
-        block_params = (
-            {} if module.BLOCK.runtime_params else {port_name(k): int(v) for k, v in leaves(arguments.get("p"))}
-        )
-        names = {name: report_name(dotted_name) for name, dotted_name in inner.items()} | {
-            name: _top_pins()[dotted_name] for name, dotted_name in pins.items()
-        }
-        instances[path] = Wired(
-            module, block_params, ports, names, {n: _home(dotted_name) for n, dotted_name in (inner | pins).items()}
-        )
+        values = {} if module.BLOCK.runtime_params else {port_name(k): int(v) for k, v in leaves(arguments.get("p"))}
+        names = {n: report_name(leaf) for n, leaf in inner.items()} | {n: _top_pins()[leaf] for n, leaf in pins.items()}
+        instances[path] = Wired(module, values, ports, names, {n: _home(leaf) for n, leaf in (inner | pins).items()})
     return net, instances

@@ -125,11 +125,11 @@ class Elaborator:
         bound_arguments.apply_defaults()
         tree = _tree(function)
         try:
-            return self.evaluate_statements(tree.body, dict(bound_arguments.arguments), function.__globals__)
+            return self.evaluate(tree.body, dict(bound_arguments.arguments), function.__globals__)
         except Unsupported as error:
             raise Unsupported(f"{function.__module__}.{function.__name__}: {error}") from None
 
-    def evaluate_statements(self, statements, env, names):
+    def evaluate(self, statements, env, names):
         """Value that the statements return; `env` gets what they assign. None if they return nothing."""
         for k, statement in enumerate(statements):
             remaining = statements[k + 1 :]
@@ -138,17 +138,15 @@ class Elaborator:
             if isinstance(statement, ast.If):
                 test = self.value(statement.test, env, names)
                 if not isinstance(test, Node):
-                    return self.evaluate_statements(
-                        [*(statement.body if test else statement.orelse), *remaining], env, names
-                    )
+                    return self.evaluate([*(statement.body if test else statement.orelse), *remaining], env, names)
                 ways = (statement.body, statement.orelse)
                 if _returns(statement):
                     return self.merge_values(
-                        test, *[self.evaluate_statements([*way, *remaining], dict(env), names) for way in ways]
+                        test, *[self.evaluate([*way, *remaining], dict(env), names) for way in ways]
                     )
                 yes, no = dict(env), dict(env)
-                self.evaluate_statements(ways[0], yes, names)
-                self.evaluate_statements(ways[1], no, names)
+                self.evaluate(ways[0], yes, names)
+                self.evaluate(ways[1], no, names)
                 env.update({name: self.merge_values(test, yes[name], no[name]) for name in yes.keys() & no.keys()})
             elif isinstance(statement, ast.Assign):
                 new_value = self.value(statement.value, env, names)
@@ -198,11 +196,9 @@ class Elaborator:
     def _unaryop(self, node, env, names):
         op, function = UNARY[type(node.op)]
         operand = self.value(node.operand, env, names)
-        return (
-            self.operation_node(op, (operand,), ast.unparse(node))
-            if isinstance(operand, Node)
-            else int(function(operand))
-        )
+        if not isinstance(operand, Node):
+            return int(function(operand))
+        return self.operation_node(op, (operand,), ast.unparse(node))
 
     def _binop(self, node, env, names):
         op, function = BINARY[type(node.op)]

@@ -54,7 +54,7 @@ def wrapped(x, width, signed):
 
 
 def permute_bits(x, bits):
-    """Bit k of the result is bit places[k] of `x`; the result is unsigned."""
+    """Bit k of the result is bit bits[k] of `x`; the result is unsigned."""
     result = x & ((1 << len(bits)) - 1)
     for k, bit in enumerate(bits):
         if bit != k:
@@ -119,15 +119,15 @@ class Node:
 class Net:
     """Nodes of a block.
 
-    roots   {register or pin: root node}
-    fmts    {register, input or pin: Fmt}
-    reset   {register: reset value}
-    own     how many of the nodes are those of the model; hypotheses add to them
-    users   {id of a node of the model: [(node that uses it, as which argument)]}
-    loads   {(id of a choice, argument): register or pin} where that argument is what is loaded
-    taken   {(id of a choice, argument): conditions under which registers load it}
-    taking  {id of what a register takes without its reset, or of what a pin is: its roots}
-    siblings {(id of a node, argument): {what stands there in the registers of other channels}}, as acc_1 is of acc_2
+    roots            {register or pin: root node}
+    fmts             {register, input or pin: Fmt}
+    reset            {register: reset value}
+    model_size       how many of the nodes are those of the model; hypotheses add to them
+    users            {id of a node of the model: [(node that uses it, as which argument)]}
+    loads            {(id of a choice, argument): register or pin} where that argument is what is loaded
+    load_conditions  {(id of a choice, argument): conditions under which registers load it}
+    roots_by_value   {id of what a register takes without its reset, or of what a pin is: its roots}
+    siblings         {(id of a node, argument): {what stands there in registers of other channels}}, as acc_1 of acc_2
     """
 
     def __init__(self):

@@ -61,10 +61,8 @@ class PartialObservation:
         row_numbers = np.arange(self.first + 1)
         was = self.rows.row_values(node, row_numbers) + np.zeros(len(row_numbers), np.int64)
         hypotheses, rows = [], []
-        for h in (
-            *node_hypotheses(self.net, node, self.rows.value_range),
-            *condition_hypotheses.word_hypotheses(self.net, node),
-        ):
+        words = condition_hypotheses.word_hypotheses(self.net, node)
+        for h in (*node_hypotheses(self.net, node, self.rows.value_range), *words):
             if any(n.op == "ahead" for n in (h.by, *h.by.args, *[b for a in h.by.args for b in a.args])):
                 continue
             differs = self.rows.row_values(h.by, row_numbers) != was
@@ -73,36 +71,34 @@ class PartialObservation:
                 rows.append(int(row_numbers[np.argmax(differs)]))
         return hypotheses, np.array(rows, np.int64)
 
-    def _replace_reset_hypotheses(self, node, hypotheses, first_rows):
+    def _replace_reset_hypotheses(self, node, hypotheses, firsts):
         """With other reset values, which show from row 0 on; that of a register that is seen is what is seen."""
         if node.value in self.got and self.care[node.value][0]:
             value = self.net.const(self.got[node.value][0])
-            reset_hypotheses = [
+            resets = [
                 Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(self.net, node, 1, value), 0)
             ]
         else:
-            reset_hypotheses = [h for h in node_hypotheses(self.net, node, self.rows.value_range) if h.cause == "reset"]
-        other_indices = [k for k, h in enumerate(hypotheses) if h.cause != "reset"]
-        return [*reset_hypotheses, *(hypotheses[k] for k in other_indices)], np.array(
-            [*[0] * len(reset_hypotheses), *first_rows[other_indices]], np.int64
-        )
+            resets = [h for h in node_hypotheses(self.net, node, self.rows.value_range) if h.cause == "reset"]
+        indices = [k for k, h in enumerate(hypotheses) if h.cause != "reset"]
+        return [*resets, *(hypotheses[k] for k in indices)], np.array([*[0] * len(resets), *firsts[indices]], np.int64)
 
-    def _consistent_hypotheses(self, node, hypotheses, first_rows):
+    def _consistent_hypotheses(self, node, hypotheses, firsts):
         """Those of the hypotheses at a node that give, where first active, what is seen."""
         consistent = np.ones(len(hypotheses), bool)
         by = np.array(
-            [np.sum(self.rows.row_values(h.by, first_rows[k : k + 1])) for k, h in enumerate(hypotheses)], np.int64
+            [np.sum(self.rows.row_values(h.by, firsts[k : k + 1])) for k, h in enumerate(hypotheses)], np.int64
         )
         for name in self.visible:
             root, fmt = self.net.roots[name], self.net.fmts[name]
             if not root.cone >> node.id & 1:
                 continue
-            value = wrapped(self.rows.faulty_values(root, ((node, by),), first_rows), fmt.width, bool(fmt.s))
-            rows = np.minimum(first_rows + (root.op == "next"), self.count - 1)
+            value = wrapped(self.rows.faulty_values(root, ((node, by),), firsts), fmt.width, bool(fmt.s))
+            rows = np.minimum(firsts + (root.op == "next"), self.count - 1)
             consistent &= (
-                (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (first_rows == 0))
+                (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (firsts == 0))
             )
-        return [(h, int(row)) for h, row, is_consistent in zip(hypotheses, first_rows, consistent) if is_consistent]
+        return [(h, int(row)) for h, row, is_consistent in zip(hypotheses, firsts, consistent) if is_consistent]
 
     def async_reset_port(self):
         """The first port at fault if the whole block is reset in the row of its reset, before the edge; else None."""
@@ -114,10 +110,10 @@ class PartialObservation:
         rows = Rows(self.net, leaves, self.count)
         for name in self.visible:
             root, fmt = self.net.roots[name], self.net.fmts[name]
-            port_values = (
+            column = (
                 leaves["reg", name] if root.op == "next" else wrapped(rows.node_column(root), fmt.width, bool(fmt.s))
             )
-            if np.any(self.care[name] & (port_values != self.got[name])):
+            if np.any(self.care[name] & (column != self.got[name])):
                 return None
         return min(self.differs, key=self.differs.get, default=None)
 

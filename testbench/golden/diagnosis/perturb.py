@@ -1,9 +1,10 @@
 """What could be built wrongly at a node of the model: hypotheses, each a node in the place of another.
 
-    of_node(net, node, seen) --> Hypothesis(cause, what, site, by, cost)     site is the node itself
+    node_hypotheses(net, node, value_range) --> Hypothesis(cause, what, site, by, cost)     site is the node itself
 
-`seen` gives the range of a node on the rows. An operand is varied in the node that uses it, so that other uses keep it;
-a node with several uses is varied for all of them where it is the site. `cost` orders what explains the same rows.
+`value_range` gives the range of a node on the rows. An operand is varied in the node that uses it, so that other uses
+keep it; a node with several uses is varied for all of them where it is the site. `cost` orders what explains the same
+rows.
 Source  docs/diagnosis.md
 """
 
@@ -115,9 +116,8 @@ def _variants(net, node, value_range):
         if (node.id, k) in net.loads:
             for cause, what, new, cost in perturb_control.load_alternatives(net, node, child, net.loads[node.id, k]):
                 yield cause, what, with_argument(net, node, k, new), cost
-            for cause, what, new, cost in perturb_loads.load_variants(
-                net, node, k, child, net.load_conditions.get((node.id, k), ())
-            ):
+            conditions = net.load_conditions.get((node.id, k), ())
+            for cause, what, new, cost in perturb_loads.load_variants(net, node, k, child, conditions):
                 yield cause, what, with_argument(net, node, k, new), cost
             for cause, what, new, cost in _leaf_variants(net, child, value_range):
                 yield cause, what, with_argument(net, node, k, new), cost + 1
@@ -157,7 +157,7 @@ def _twin_variants(net, root, node, value_range):
 
 
 def _node_variants(net, node, value_range):
-    """What `_of_twins` tries at a node: another operation, or another value of an operand."""
+    """What `_twin_variants` tries at a node: another operation, or another value of an operand."""
     yield from _operations(net, node, value_range)
     for k, child in enumerate(node.args):
         for cause, what, new, cost in perturb_arithmetic.arithmetic_operands(net, node, k, child, value_range):

@@ -181,19 +181,14 @@ def _limits(net, node, value_range):
             steps.append((1 << static(limit.args[1]), "LSB of the result"))
         for size, unit in steps:
             for sign, op in (("+", "add"), ("-", "sub")):
-                new_limit = net.node(op, (limit, net.const(size)))
-                bounds = (new_limit, hi) if k == 0 else (lo, new_limit)
+                bound = net.node(op, (limit, net.const(size)))
+                bounds = (bound, hi) if k == 0 else (lo, bound)
                 yield "limit", f"{name} {sign}1 {unit}", net.node("clamp", (x, *bounds)), 0
-                is_outside = net.node("gt" if k else "lt", (x, limit))
-                yield (
-                    "limit",
-                    f"{name} {sign}1 {unit}, only as a value",
-                    net.node("mux", (is_outside, new_limit, node)),
-                    1,
-                )
-        is_outside = net.node("gt" if k else "lt", (x, limit))
-        yield "limit", f"beyond {name} to the other one", net.node("mux", (is_outside, hi if k == 0 else lo, node)), 1
-        yield "limit", f"no {name}", net.node("mux", (is_outside, x, node)), 1
+                outside = net.node("gt" if k else "lt", (x, limit))
+                yield "limit", f"{name} {sign}1 {unit}, only as a value", net.node("mux", (outside, bound, node)), 1
+        outside = net.node("gt" if k else "lt", (x, limit))
+        yield "limit", f"beyond {name} to the other one", net.node("mux", (outside, hi if k == 0 else lo, node)), 1
+        yield "limit", f"no {name}", net.node("mux", (outside, x, node)), 1
     lowest, highest = value_range(node)
     widths = {range_width(lowest, highest), range_width(lo.lo, hi.hi), range_width(lo.lo, hi.hi) + 1}
     yield "wrap", "without a limit", x, 0
@@ -316,13 +311,8 @@ def _narrowed(net, child, value_range):
         for op in ("wrap", "wrapu"):
             other = (op == "wrap") != signed
             cost = (0 if is_likely else need - 1 - width if need - width < 4 else 3) + rare + other
-            sign_text = f"{'un' if op == 'wrapu' else ''}signed" if other else ""
-            yield (
-                "width",
-                f"{child!r} in {width} bits {sign_text}".rstrip(),
-                net.node(op, (child, net.const(width))),
-                cost,
-            )
+            sign = f"{'un' if op == 'wrapu' else ''}signed" if other else ""
+            yield "width", f"{child!r} in {width} bits {sign}".rstrip(), net.node(op, (child, net.const(width))), cost
     for low in range(1, MOST_LOW + 1):
         shift = net.const(low)
         cut = net.node("shl", (net.node("shr", (child, shift)), shift))

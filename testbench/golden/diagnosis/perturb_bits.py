@@ -55,7 +55,7 @@ def _other_bits(net, word, position, one):
             yield "sign", f"bit {-position} of {word!r}", by, 0
 
 
-def _permute_operand(net, child, bits):
+def _permute(net, child, bits):
     """The child with its bits moved, signed as it is."""
     permuted = net.node("moved", (child,), tuple(bits))
     return net.node("wrap", (permuted, net.const(len(bits)))) if child.lo < 0 else permuted
@@ -73,24 +73,19 @@ def bit_operands(net, node, k, child, value_range):
         yield (
             "bit_order",
             f"{child!r} reversed",
-            _permute_operand(net, child, range(size - 1, -1, -1)),
+            _permute(net, child, range(size - 1, -1, -1)),
             (size < width) + 2 * (width < 8),
         )
     if root and not leaf:
-        yield (
-            "bit_order",
-            f"{child!r} reversed",
-            _permute_operand(net, child, range(width - 1, -1, -1)),
-            2 * (width < 8),
-        )
+        yield "bit_order", f"{child!r} reversed", _permute(net, child, range(width - 1, -1, -1)), 2 * (width < 8)
     for bits, what in _exchanges(width):
-        yield "bit_swap", f"{what} of {child!r}", _permute_operand(net, child, bits), 1 if root or width > 4 else 3
+        yield "bit_swap", f"{what} of {child!r}", _permute(net, child, bits), 1 if root or width > 4 else 3
     for bit in range(width) if root else ():
         for other in (bit - 1, bit + 1):
             if 0 <= other < width:
                 bits = list(range(width))
                 bits[bit] = other
-                yield "operand", f"bit {other} of {child!r} for its bit {bit}", _permute_operand(net, child, bits), 2
+                yield "operand", f"bit {other} of {child!r} for its bit {bit}", _permute(net, child, bits), 2
     if root:
         for bit in range(width):
             yield "stuck", f"bit {bit} at 0", net.node("and", (child, net.const(~(1 << bit)))), 1
@@ -98,7 +93,7 @@ def bit_operands(net, node, k, child, value_range):
 
 
 def _exchanges(width):
-    """(places, what): two bits exchanged, halves, bytes, neighbours."""
+    """(bits, what): two bits exchanged, halves, bytes, neighbours."""
     straight = list(range(width))
     for a in straight:
         for b in range(a + 1, width) if width <= MOST_PAIRS else (a + 1,):

@@ -250,10 +250,8 @@ def control_operands(net, node, k, child, value_range):
         for other in net.nodes[: net.model_size]:
             is_comparable = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
             if other.op in ("reg", "in", "param") and is_comparable and other is not child and not _is_reset(other):
-                is_destination = other.op == "reg" and other.value == net.loads.get((node.id, k))
-                cause = (
-                    "limit" if node.op == "clamp" and k else "condition" if condition or is_destination else "operand"
-                )
+                is_loaded = other.op == "reg" and other.value == net.loads.get((node.id, k))
+                cause = "limit" if node.op == "clamp" and k else "condition" if condition or is_loaded else "operand"
                 yield cause, f"{other!r} in the place of {child!r}", other, 1
 
 

@@ -1,8 +1,8 @@
 """Wrong loads: what a register loads, with two of its operands exchanged, or with one of the load before.
 
-    paths(net)      each load of each register: the condition under which it is taken, the choice and its argument
-    of_load(...)    an operand late by one load, or by one clock wherever the load uses it; two operands exchanged
-    of_root(...)    two registers, inputs or parameters exchanged wherever a register or a pin reads them
+    paths(net)           each load of each register: the condition under which it is taken, the choice and its argument
+    load_variants(...)   an operand late by one load, or by one clock wherever the load uses it; two operands exchanged
+    leaf_exchanges(...)  two registers, inputs or parameters exchanged wherever a register or a pin reads them
 
 Each function yields (cause, what, node, cost) as those of `perturb_arithmetic`.
 Source  docs/diagnosis.md
@@ -60,7 +60,7 @@ def _operands(net, loaded):
 
 
 def load_variants(net, node, k, loaded, conditions):
-    """A loaded value in which one operand is late, or two are exchanged; `taken` are the conditions of the load."""
+    """A loaded value in which one operand is late, or two are exchanged; `conditions` are those of the load."""
     if loaded.op == "mux":
         return
     operands = _operands(net, loaded)

@@ -1,7 +1,7 @@
 """Values of a net's nodes on rows: all of them once, and a root again where some nodes are replaced by others.
 
-    full(node)                 column of the node over all rows
-    changed(root, faults, at)  values of the root at the rows `at`, with `by` for `site` for each (site, by) of `faults`
+    node_column(node)                column of the node over all rows
+    faulty_values(root, faults, at)  values of the root at the rows `at`, with `by` for `site` for each (site, by)
 
 `by` may be values already, of several hypotheses: an array (hypotheses, rows) gives one of that shape.
 What stands for a site may read the site itself: there it is sound. A "held" node is a register beside those of the

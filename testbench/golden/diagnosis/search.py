@@ -111,7 +111,7 @@ class Search:
 
     @functools.cached_property
     def bits(self):
-        """`of_conditions.Bits` of the rows."""
+        """`condition_hypotheses.Bits` of the rows."""
         return condition_hypotheses.Bits(self.net, self.rows)
 
     def site_hypotheses(self, node):
@@ -125,7 +125,7 @@ class Search:
         return target.wrap_to_width(self.rows.faulty_values(target.root, faults, at))
 
     def fit(self, target, hypothesis, assumed_faults=()):
-        """`Fit` of one hypothesis beside `others` that are taken for granted, over all rows."""
+        """`Fit` of one hypothesis beside `assumed_faults` that are taken for granted, over all rows."""
         every = slice(None)
         column = self.faulty_values(target, ((hypothesis.site, hypothesis.by), *assumed_faults), every)
         before = self.faulty_values(target, assumed_faults, every) if assumed_faults else target.sound
@@ -246,7 +246,7 @@ class Search:
 
         kind = SAME if few(wrong) else VALUES
         for explained, both in condition_hypotheses.decisions(
-            self, target, inside, wrong, lambda rest: not len(rest) or few(rest)
+            self, target, inside, wrong, lambda other: not len(other) or few(other)
         ):
             if explained.all():
                 both_flags.append(both)

@@ -12,7 +12,7 @@ from fpga_model import fixed
 from fpga_model.block import python_function
 from testbench.golden.diagnosis.net import MOST_SHIFT, OPERATIONS
 
-REGISTER_OPERATIONS = ("held", "odd")  # nodes that are registers
+REGISTERS = ("held", "odd")  # nodes that are registers
 CALLS = {name: python_function(rule) for name, rule in fixed.ROUNDINGS.items()}
 CALLS["clamp"] = python_function(fixed.clamp)
 CALLS["wrap"] = lambda x, width: python_function(fixed.wrap)(x, min(max(width, 1), MOST_SHIFT))
@@ -30,9 +30,9 @@ def _differs(values, want):
 class _Source:
     """Lines that compute nodes; a node in the cone of the fault has a name of its own for each of its two values."""
 
-    def __init__(self, site=None, by=None, leaf_expressions=None):
+    def __init__(self, site=None, by=None, leaf_texts=None):
         self.site, self.by, self.lines, self.variables, self.added_registers = site, by, [], {}, []
-        self.leaf_expressions, self.tables = leaf_expressions, {}
+        self.leaf_texts, self.tables = leaf_texts, {}
 
     def name(self, node, faulty):
         """The variable that holds a node; lines are added where there is none yet."""
@@ -50,9 +50,9 @@ class _Source:
         if node.op == "param":
             return f"({node.value[1]})"
         if node.op in ("reg", "in"):
-            return self.leaf_expressions[node.op, node.value] if self.leaf_expressions else f"{node.op}_{node.value}"
+            return self.leaf_texts[node.op, node.value] if self.leaf_texts else f"{node.op}_{node.value}"
         variable = f"v{node.id}{'f' if faulty else ''}"
-        if node.op in REGISTER_OPERATIONS:
+        if node.op in REGISTERS:
             args = [self.name(a, False) for a in node.args]
             if node.op == "odd":
                 args[1:1] = [f"1 - held_{node.id}"]
@@ -79,19 +79,15 @@ def _port(name, fmt):
 
 def adds_a_register(net, node):
     """Whether something that stands for a site holds a value."""
-    return node.id >= net.model_size and (
-        node.op in REGISTER_OPERATIONS or any(adds_a_register(net, a) for a in node.args)
-    )
+    return node.id >= net.model_size and (node.op in REGISTERS or any(adds_a_register(net, a) for a in node.args))
 
 
 def compile_node(net, node):
     """`by` of a node."""
     registers = [name for name, root in net.roots.items() if root.op == "next"]
-    leaf_expressions = {("reg", name): f"state[{k}]" for k, name in enumerate(registers)}
+    leaf_texts = {("reg", name): f"state[{k}]" for k, name in enumerate(registers)}
     input_names = sorted({n.value for n in net.nodes[: net.model_size] if n.op == "in"})
-    source = _Source(
-        leaf_expressions=leaf_expressions | {("in", name): f"inputs[{k}]" for k, name in enumerate(input_names)}
-    )
+    source = _Source(leaf_texts=leaf_texts | {("in", name): f"inputs[{k}]" for k, name in enumerate(input_names)})
     result = source.name(node, False)
     body = [f"    {line}" for line in source.lines]
     return _execute_lines(["def by(state, inputs):", *body, f"    return {result}"], source)["by"]

@@ -49,7 +49,7 @@ def _repeated_load_inversions(net, target, pattern):
     """Inverted bits of what several branches load, in all of them."""
     after = perturb_loads.unreset_value(target.root)
     for loaded, _, _ in perturb_loads.repeated_loads(net, target.root) if len(pattern) == 1 else ():
-        if _is_single_mistake(pattern[0], target.fmt.width):
+        if _is_plain(pattern[0], target.fmt.width):
             new = net.node("xor", (loaded, net.const(pattern[0])))
             by = perturb_loads.in_all_branches(net, after, loaded, new)
             yield Hypothesis("sign", f"bits {int(pattern[0]):#x} inverted in all branches", after, by, 5)
@@ -71,7 +71,7 @@ def _renumbered(net, node, old, new):
     return net.node("mux", (node.args[0], *ways), node.value)
 
 
-def _is_single_mistake(pattern, width):
+def _is_plain(pattern, width):
     """Whether inverted bits are those of one mistake: one bit, all, or any in a word of flags."""
     return int(pattern).bit_count() in (1, width) or width <= FLAGS
 
@@ -85,11 +85,7 @@ def _node_hypotheses(net, rows, target, node, wrong, pattern):
             everywhere = _renumbered(net, node, node.args[1], value)
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r} wherever it is cleared", node, everywhere, 0)
     for k, child in enumerate(node.args):
-        if (
-            net.loads.get((node.id, k)) == target.name
-            and len(pattern) == 1
-            and _is_single_mistake(pattern[0], target.fmt.width)
-        ):
+        if net.loads.get((node.id, k)) == target.name and len(pattern) == 1 and _is_plain(pattern[0], target.fmt.width):
             by = with_argument(net, node, k, net.node("xor", (child, net.const(pattern[0]))))
             yield Hypothesis("sign", f"bits {int(pattern[0]):#x} inverted", node, by, 5)
     if node.op == "clamp":
@@ -231,19 +227,17 @@ def operand_hypotheses(search, target, inside, wrong):
             if child.op in ("const", "param") or decides(node, k) or is_flag(child) or count > MOST:
                 continue
             delayed = net.delayed_node(child)
-            replacements = [
-                ("late", f"{child!r} by {n} clocks", delayed := net.delayed_node(delayed)) for n in (2, 3, 4)
-            ]
-            replacements += [
+            ways = [("late", f"{child!r} by {n} clocks", delayed := net.delayed_node(delayed)) for n in (2, 3, 4)]
+            ways += [
                 ("late", f"{child!r} of the last {flag!r}", net.enabled_register(flag, child, 0)) for flag in enables
             ]
-            replacements += [
+            ways += [
                 ("operand", f"{other!r} in the place of {child!r}", other)
                 for other in words
                 if other is not child and abs(net.node_width(other) - net.node_width(child)) <= MOST_WIDTH_DIFFERENCE
             ]
-            count += len(replacements)
-            for cause, what, new in replacements:
+            count += len(ways)
+            for cause, what, new in ways:
                 yield Hypothesis(cause, what, node, with_argument(net, node, k, new), FALLBACK_COST, True)
 
 

@@ -106,7 +106,7 @@ def _rival_candidates(search, best, candidates):
     return list(rivals.values())
 
 
-def _is_class_identified(search, best, candidates, names):
+def _is_identified(search, best, candidates, names):
     """Whether the wrong rows of one of the registers tell the class of the best from those without a hypothesis."""
     cause = best.hypothesis.cause
     alternatives = [w for w in candidates if w.hypothesis.cause == cause and w.rank[:2] <= best.rank[:2]]
@@ -133,7 +133,7 @@ def _extend_fits(search, best, names):
 
 
 def rank_causes(search, first_row_registers=()):
-    """[Cause] of a `Search`, in order of rank; `others_at_fault`: registers wrong in row 0 alone."""
+    """[Cause] of a `Search`, in order of rank; `first_row_registers`: registers wrong in row 0 alone."""
     fits, primary, secondary = {}, [], []
     count = len({*search.faulty, *first_row_registers})
     open_names = list(search.faulty)
@@ -148,24 +148,20 @@ def rank_causes(search, first_row_registers=()):
         best = next((w for w in listable[:MOST_RANKED] if not _disturbs(search, w.hypothesis)), listable[0])
         if best.rank[0] > listable[0].rank[0]:
             best = listable[0]
-        rivals, reported_causes = _rival_candidates(search, best, candidates), []
+        rivals, causes = _rival_candidates(search, best, candidates), []
         covered = _extend_fits(search, best, open_names).fits
         # what gives another value in a row where the design is right is not the whole truth
         refuted = any(fit.precision < 1.0 for fit in covered.values())
         part = float(sum(fit.share for fit in covered.values())) / count / (len(rivals) + refuted)
         cheap = best.hypothesis.cost <= MOST_CERTAIN
-        is_identified = (
-            cheap
-            and _is_class_identified(search, best, candidates, covered)
-            and _enough(search, best.fits, CERTAIN_BITS)
+        certain = (
+            cheap and _is_identified(search, best, candidates, covered) and _enough(search, best.fits, CERTAIN_BITS)
         )
-        if len(rivals) == 1 and not refuted and not is_identified:
+        if len(rivals) == 1 and not refuted and not certain:
             part /= 2
-        for candidate in rivals:
-            if candidate.hypothesis.cause != UNCLASSIFIED and _enough(search, candidate.fits, SPARE_BITS):
-                reported_causes.append(
-                    Cause(candidate.hypothesis.cause, next(iter(candidate.fits)), part, candidate.hypothesis.what)
-                )
+        for rival in rivals:
+            if rival.hypothesis.cause != UNCLASSIFIED and _enough(search, rival.fits, SPARE_BITS):
+                causes.append(Cause(rival.hypothesis.cause, next(iter(rival.fits)), part, rival.hypothesis.what))
         more = [
             _second(search, n, best.hypothesis, (1 - fit.share) / count)
             for n, fit in best.fits.items()
@@ -173,8 +169,8 @@ def rank_causes(search, first_row_registers=()):
         ]
         # a part of the wrong rows counts only if a second fault explains the others
         if all(more):
-            primary += reported_causes[:1]
-            secondary += [*more, *reported_causes[1:]]
+            primary += causes[:1]
+            secondary += [*more, *causes[1:]]
         open_names = [name for name in open_names if name not in covered]
     primary.sort(key=lambda cause: search.faulty.index(cause.register))
     return (primary + secondary)[:MOST_LISTED]
@@ -189,7 +185,7 @@ def _second(search, name, hypothesis, share):
 
 
 def hidden_causes(search, every=False):
-    """[Cause] of a `Hidden`: only what explains every row counts; it has the name of a port that is seen.
+    """[Cause] of a `PartialObservation`: only what explains every row counts; it has the name of a port that is seen.
 
     One of each class and port, or `every` hypothesis.
     """
@@ -202,8 +198,6 @@ def hidden_causes(search, every=False):
     async_port = search.async_reset_port()
     # what was not run, and what is read off the rows of registers, may explain the rows as well
     part = 1.0 / (len(first) + 1 + (async_port is not None))
-    reported_causes = [Cause("async_reset", async_port, part, "all registers at once")] if async_port else []
-    reported_causes += [
-        Cause(h.cause, port, part, h.what) for h, port in explained if every or first[h.cause, port] is h
-    ]
-    return reported_causes if every else reported_causes[:MOST_LISTED]
+    causes = [Cause("async_reset", async_port, part, "all registers at once")] if async_port else []
+    causes += [Cause(h.cause, port, part, h.what) for h, port in explained if every or first[h.cause, port] is h]
+    return causes if every else causes[:MOST_LISTED]

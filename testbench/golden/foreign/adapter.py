@@ -96,13 +96,11 @@ def _mapped_omitted_params(manifest, port_map):
 def verilog(manifest, port_map):
     """Text of the wrapper in Verilog-2005, of a `design_map.DesignMap`."""
     inputs, outputs = _design_ports(port_map)
-    declarations = [f"    parameter {name} = {value}" for name, value in rtl_parameters(manifest)]
+    params = [f"    parameter {name} = {value}" for name, value in rtl_parameters(manifest)]
     for p in (*levels.used_params(manifest), *_mapped_omitted_params(manifest, port_map)):
-        declarations.append(
-            f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0"
-        )
-    declarations += [f'    parameter {name} = ""' for name in levels.roms(manifest)]
-    head = f" #(\n{(',' + chr(10)).join(declarations)}\n)" if declarations else ""
+        params.append(f"    parameter {'signed ' * p['fmt'][0]}{_span(sum(p['fmt']))} {p['name']} = {sum(p['fmt'])}'d0")
+    params += [f'    parameter {name} = ""' for name in levels.roms(manifest)]
+    head = f" #(\n{(',' + chr(10)).join(params)}\n)" if params else ""
     ports = ["    input wire clk", *(f"    input wire {_span(p['width'])} {p['name']}" for p in manifest["inputs"])]
     ports += [f"    output wire {_span(p['width'])} {name}" for name, p, _ in port_map.outputs]
     lines, links = [], [f".{port_map.clock}(clk)"]
@@ -111,18 +109,18 @@ def verilog(manifest, port_map):
     for name, entries in inputs.items():
         _check_drivers(name, entries)
         lines.append(f"    wire {_span(_port_width(name, entries))} d_{name};")
-        for counterpart, p, port in entries:
+        for bundle_name, p, port in entries:
             bits = "" if port.hi is None else f"[{port.hi}:{port.lo}]"
-            lines.append(f"    assign d_{name}{bits} = {_Verilog.input_expression(counterpart, p, port)};")
+            lines.append(f"    assign d_{name}{bits} = {_Verilog.input_expression(bundle_name, p, port)};")
         links.append(f".{name}(d_{name})")
     links += [f".{name}({value})" for name, value in port_map.ties]
     for name, entries in outputs.items():
         lines.append(f"    wire {_span(_port_width(name, entries))} d_{name};")
-        for counterpart, p, port in entries:
+        for bundle_name, p, port in entries:
             declared, text = _Verilog.output_expression(f"d_{name}", p, port)
-            lines += [declared, f"    assign {counterpart} = {text};"]
+            lines += [declared, f"    assign {bundle_name} = {text};"]
         links.append(f".{name}(d_{name})")
-    generics = [f".{counterpart}({name})" for name, counterpart, _ in port_map.parameters]
+    generics = [f".{design_name}({name})" for name, design_name, _ in port_map.parameters]
     generics += [f".{name}({value})" for name, value in port_map.constants]
     parameter_map = f" #(\n{(',' + chr(10)).join(generics)}\n)" if generics else ""
     return f"""// {port_map.top} with the names of {manifest["block"]}/{manifest["case"]}
@@ -228,9 +226,9 @@ def vhdl(manifest, port_map):
         _check_drivers(name, entries)
         width = _port_width(name, entries)
         signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
-        for counterpart, p, port in entries:
+        for bundle_name, p, port in entries:
             bits = "" if port.hi is None else f"({port.hi} downto {port.lo})"
-            lines.append(f"    d_{name}{bits} <= {_Vhdl.input_expression(counterpart, p, port)};")
+            lines.append(f"    d_{name}{bits} <= {_Vhdl.input_expression(bundle_name, p, port)};")
         kind = next((port.type for *_, port in entries if port.type), "")
         sliced = any(port.hi is not None for *_, port in entries)
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, False))
@@ -241,15 +239,13 @@ def vhdl(manifest, port_map):
     for name, entries in outputs.items():
         width = _port_width(name, entries)
         signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
-        lines += [
-            f"    {counterpart} <= {_Vhdl.output_expression(f'd_{name}', p, port)};" for counterpart, p, port in entries
-        ]
+        lines += [f"    {out} <= {_Vhdl.output_expression(f'd_{name}', p, port)};" for out, p, port in entries]
         kind = next((port.type for *_, port in entries if port.type), "")
         sliced = any(port.hi is not None for *_, port in entries)
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, True))
     generics = [
-        _Vhdl.generic_association(name, counterpart, kind, formats.get(name, ()))
-        for name, counterpart, kind in port_map.parameters
+        _Vhdl.generic_association(name, design_name, kind, formats.get(name, ()))
+        for name, design_name, kind in port_map.parameters
     ]
     generics += [f"{name} => {value}" for name, value in port_map.constants]
     generic_map = f"        generic map (\n{(',' + chr(10)).join(generics)}\n        )\n" if generics else ""

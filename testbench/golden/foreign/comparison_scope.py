@@ -5,7 +5,7 @@
           none   the longest part of the stimulus without a reset, from the state of reset on: power-up is the reset
     latency k    row n of a port is expected at row n + k; rows n with a reset in n .. n + k - 1 are not judged
 
-`Judged.care` is aligned with the golden rows: row n of a port is what the design shows at row n + k.
+`ComparisonScope.care` is aligned with the golden rows: row n of a port is what the design shows at row n + k.
 Source  docs/foreign_designs.md
 """
 
@@ -77,7 +77,7 @@ def _free(reset):
 
 
 def build_scope(golden, level, style="sync", clocks=None):
-    """`Judged` of a bundle that was read, at a level, for a design of this reset style and latency."""
+    """`ComparisonScope` of a bundle that was read, at a level, for a design of this reset style and latency."""
     manifest, clocks = golden.manifest, clocks or {}
     names = [name for name, _ in levels.compared_ports(manifest, "registers")]
     first, reset = 0, golden.stim[:, 0] != 0
@@ -97,9 +97,8 @@ def build_scope(golden, level, style="sync", clocks=None):
     for column, name in enumerate(names):
         care[:, column] &= name in level_names
         _mask_reset_rows(care[:, column], reset, style, clocks.get(name, 0))
-    return ComparisonScope(
-        golden._replace(manifest=manifest), level, first, {n: k for n, k in clocks.items() if k}, care
-    )
+    clocks = {name: k for name, k in clocks.items() if k}
+    return ComparisonScope(golden._replace(manifest=manifest), level, first, clocks, care)
 
 
 def _mask_reset_rows(care, reset, style, clocks):

@@ -137,19 +137,14 @@ class _Reader:
         lo = hi if lo is None else lo
         if hi is not None and hi < lo:
             self.refuse(f"{key}: slice {entry['port']}: {hi} is below {lo}")
-        port_width = entry.get("width", width if hi is None else hi - lo + 1)
-        self.require(
-            type(port_width) is int and 0 < port_width <= MOST_WIDTH,
-            f"{key}: width",
-            port_width,
-            f"1 .. {MOST_WIDTH} bits",
-        )
-        if hi is not None and hi - lo + 1 != port_width:
-            self.refuse(f"{key}: {entry['port']} has {hi - lo + 1} bits, its width is {port_width}")
+        bits = entry.get("width", width if hi is None else hi - lo + 1)
+        self.require(type(bits) is int and 0 < bits <= MOST_WIDTH, f"{key}: width", bits, f"1 .. {MOST_WIDTH} bits")
+        if hi is not None and hi - lo + 1 != bits:
+            self.refuse(f"{key}: {entry['port']} has {hi - lo + 1} bits, its width is {bits}")
         invert, kind = entry.get("invert", False), entry.get("type", "")
         self.require(type(invert) is bool, f"{key}: invert", invert, "true or false")
         self.require(kind in ("", *TYPES), f"{key}: type", kind, f"one of {', '.join(TYPES)}")
-        return Port(match[1], port_width, hi, lo, invert, kind)
+        return Port(match[1], bits, hi, lo, invert, kind)
 
     def inputs(self):
         ports = self.manifest["inputs"][1:]

@@ -86,10 +86,9 @@ def lags(stem, case, clocks):
 
     Of the whole design the ports are its pins.
     """
-    instances = [name for name, instances in _instances().items() if instances == stem and name in _carriers()]
-    instances = (
-        [stem] if stem == FULL_DESIGN else [name for name in instances if name.rpartition(".")[2] == case] or instances
-    )
+    instances = [name for name, block in _instances().items() if block == stem and name in _carriers()]
+    instances = [name for name in instances if name.rpartition(".")[2] == case] or instances
+    instances = [stem] if stem == FULL_DESIGN else instances
     clocks_by_node = {}
     for instance in sorted(instances):
         for port, delay in clocks.items():
@@ -106,11 +105,8 @@ def lags(stem, case, clocks):
                         # pins of one chip leave together: the latest counts; a late reference is less lag
                         sign = -1 if path == "refs" else 1
                         clocks_by_node[instance, node, sign] = max(delay, clocks_by_node.get((instance, node, sign), 0))
-    instance_nodes = dict.fromkeys((instance, node) for instance, node, _ in clocks_by_node)
-    return [
-        Lag(*instance_node, clocks_by_node.get((*instance_node, 1), 0) - clocks_by_node.get((*instance_node, -1), 0))
-        for instance_node in instance_nodes
-    ]
+    pairs = dict.fromkeys((instance, node) for instance, node, _ in clocks_by_node)
+    return [Lag(*pair, clocks_by_node.get((*pair, 1), 0) - clocks_by_node.get((*pair, -1), 0)) for pair in pairs]
 
 
 def check(path, stem, clocks):
@@ -128,9 +124,8 @@ def check(path, stem, clocks):
             latest = max(delays, key=delays.get)
             raise FileError(
                 f"{path}: [ports] {latest}: inputs {' and '.join(ANSWERS[name])} answer it, so recorded rows would "
-                "come "
-                f"{delays[latest]} clocks too early; close the loop instead: gyro golden loop"
+                f"come {delays[latest]} clocks too early; close the loop instead: gyro golden loop"
             )
         if len(set(delays.values())) > 1:
-            pin_delays = ", ".join(f"{pin} {latest}" for pin, latest in delays.items())
+            pin_delays = ", ".join(f"{pin} {delay}" for pin, delay in delays.items())
             raise FileError(f"{path}: [ports]: one chip reads these pins together, with equal clocks: {pin_delays}")

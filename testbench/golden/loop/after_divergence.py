@@ -39,7 +39,7 @@ def extend_stimulus(stimulus, row, record):
 
 
 def simulate_continuation(design, chip, stimulus, row, record):
-    """`Behind` of a `library.Design` that stands before edge `row`, with the `adc_serial.State` of its converter.
+    """`Continuation` of a `library.Design` that stands before edge `row`, with the `adc_serial.State` of its converter.
 
     stimulus  `Stimulus`, repeated
     """

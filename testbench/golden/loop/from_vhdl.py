@@ -1,7 +1,7 @@
 """Verilog of a design in VHDL, by the synthesis of GHDL.
 
-    of_vhdl(found, name, folder, what)   the file; `found` are `sources.Sources`
-    repaired(verilog, vhdl)              without two faults of GHDL 2.0, whose Verilog is that of another design
+    synthesise_vhdl(design_sources, name, folder, what)  the file; `design_sources` are `sources.Sources`
+    repair_netlist(verilog, vhdl)                        without two faults of GHDL 2.0, which make it another design
 
 Source  docs/rtl.md
 """
@@ -46,7 +46,7 @@ def repair_netlist(verilog, vhdl):
             raise ValueError(f"no `when others` of {net} is known")
         return f"    case ({selector})\n{branches}      default: {net} <= {_verilog_literal(value)};\n    endcase\n"
 
-    return CASE.sub(complete_case, BITS.sub(lambda found: f"{len(found[1])}'b{found[1]}", verilog))
+    return CASE.sub(complete_case, BITS.sub(lambda bits: f"{len(bits[1])}'b{bits[1]}", verilog))
 
 
 def synthesise_vhdl(design_sources, name, folder, what):

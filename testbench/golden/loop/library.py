@@ -111,7 +111,7 @@ def pin_face(name, params, chips):
 
 
 def _differs(face, signal_index, fmt, texts):
-    """Text of whether what a place shows is not that of `row`; `texts` are {place: text of its port}."""
+    """Text of whether what a place shows is not that of `row`; `texts` are {signal index: text of its port}."""
     text = f"((uint64_t)row[{signal_index}] & {_mask(fmt):#x}u) ^ {texts[signal_index]}"
     if signal_index not in face.read:
         return text
@@ -270,21 +270,17 @@ def user_sources(rtl, name, files=None, folder="."):
     """
     rtl = Path(rtl).resolve()
     if files is not None:
-        design_sources = read_source_list(files)
-        if design_sources.language == "vhdl":
-            return [synthesise_vhdl(design_sources, name, folder, files)]
-        return [
-            *(f"-I{path}" for path in design_sources.includes),
-            *(f"-D{text}" for text in design_sources.defines),
-            *design_sources.files,
-        ]
-    design_sources = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
-    if not design_sources:
+        source = read_source_list(files)
+        if source.language == "vhdl":
+            return [synthesise_vhdl(source, name, folder, files)]
+        return [*(f"-I{path}" for path in source.includes), *(f"-D{text}" for text in source.defines), *source.files]
+    paths = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
+    if not paths:
         hint = "; of VHDL a list (--files) says the order" if [*rtl.glob("*.vhd"), *rtl.glob("*.vhdl")] else ""
         raise FileError(
             f"{rtl}: no design: {name} is looked for in its files {' and '.join(f'*{s}' for s in SUFFIXES)}{hint}"
         )
-    return [f"-I{rtl}", *map(str, design_sources)]
+    return [f"-I{rtl}", *map(str, paths)]
 
 
 def build(rtl, params, folder, level=2, face=None, source_arguments=None):
@@ -333,10 +329,8 @@ class Design:
     """
 
     def __init__(self, path, face=None, folder="."):
-        self.places, self._folder = (
-            ALL if face is None else tuple(signal_index for signal_index, _, _ in face.seen),
-            folder,
-        )
+        self.places = ALL if face is None else tuple(signal_index for signal_index, _, _ in face.seen)
+        self._folder = folder
         self._data = {} if face is None else face.read
         self._library = ctypes.CDLL(str(path))
         for name in ("gyro_edge", "gyro_differs", "gyro_read"):

@@ -89,7 +89,7 @@ else:
 
 
 @inlined
-def _unpack_pins(word):
+def _unpack(word):
     """`fpga.Pins` of the word that `gyro_edge` returns: a bit for each pin at its place, the four of refs behind."""
     return fpga.Pins(
         word & 1,
@@ -183,9 +183,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 store(rtl.conversions[rtl.count[0]], (at, faults.status, codes))
                 rtl.count[0] += 1
             ldacs = (pins >> LDACS_AT) & 1, (pins >> (LDACS_AT + 1)) & 1
-            chips = engine.chips_after(
-                p.chips, word_bits, chips, _unpack_pins(pins), ldacs, loaded, faults.status, codes
-            )
+            chips = engine.chips_after(p.chips, word_bits, chips, _unpack(pins), ldacs, loaded, faults.status, codes)
             if chips.drive.updated:
                 drive_cycle = c
                 rtl.latched[0] = c

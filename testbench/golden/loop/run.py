@@ -1,9 +1,9 @@
 """A scenario with RTL in place of the firmware, in lockstep with the model: what is the same, or what differs first.
 
-    Loop         a `Simulation` whose firmware is a compiled design, compared at every edge
-    Alone        the same, nothing compared: what the pins show is kept for `pin_meter`
-    Difference   where the RTL first is not the model: tick, clock, every register or pin that differs, both values
-    STORY        power-on, lock, rate steps of +-300 deg/s, a silent ADC: the scenario if no other is given
+    Loop            a `Simulation` whose firmware is a compiled design, compared at every edge
+    PinCaptureLoop  the same, nothing compared: what the pins show is kept for `pin_meter`
+    Difference      where the RTL first is not the model: tick, clock, every register or pin that differs, both values
+    STORY           power-on, lock, rate steps of +-300 deg/s, a silent ADC: the scenario if no other is given
 
 Source  docs/rtl.md
 """
@@ -201,7 +201,7 @@ class PinCaptureLoop(Loop):
         return state
 
     def pin_capture(self):
-        """`pin_meter.Shown` so far."""
+        """`pin_meter.PinCapture` so far."""
         drive, sense, edges = (np.concatenate(pieces) for pieces in zip(*self._kept, strict=True))
         columns = self.columns()
         codes = [columns[f"adc_{name}"] for name in ("drive_sin", "drive_cos", "sense_sin", "sense_cos")]
@@ -288,7 +288,7 @@ def run_lockstep(config, design, firmware, progress=None):
 
 
 def capture_pins(config, design, firmware, progress=None):
-    """`pin_meter.Shown` of the scenario of `config`, driven by a `library.Design` or the model (None)."""
+    """`pin_meter.PinCapture` of the scenario of `config`, driven by a `library.Design` or the model (None)."""
     sim, timeline = _begun(PinCaptureLoop, config, design, firmware)
     for register, raw in sim.first_writes:
         sim.write(register, raw)
@@ -297,7 +297,7 @@ def capture_pins(config, design, firmware, progress=None):
 
 
 def judge_captures(config, firmware, yours, model):
-    """`judgement.Verdict` on one `pin_meter.Shown` beside another, both of the scenario of `config`.
+    """`judgement.Verdict` on one `pin_meter.PinCapture` beside another, both of the scenario of `config`.
 
     What comes before the first write or fault of the scenario counts. Raises ConfigError for a board or a scenario that
     is not judged.
@@ -324,9 +324,7 @@ def judge_design(config, design, firmware, progress=None):
     if firmware.digital:
         raise ConfigError('firmware.board: a design is judged by the codes of the ADC; set board = "analog_sid"')
     captures = [
-        capture_pins(
-            config, driven_by, firmware, progress and (lambda _, done, of, name=name: progress(name, done, of))
-        )
+        capture_pins(config, driven_by, firmware, progress and (lambda _, done, n, name=name: progress(name, done, n)))
         for name, driven_by in (("design alone", design), ("model alone", None))
     ]
     return judge_captures(config, firmware, *captures)

@@ -36,7 +36,7 @@ class Graph(NamedTuple):
 
 
 def _parse_port_symbols(symbols, kind):
-    """{port: places} of the inputs or outputs."""
+    """{port: positions} of the inputs or outputs."""
     bits_by_port = {}
     for position, name, bit in re.findall(rf"^{kind}(\d+) (\S+?)(?:\[(\d+)\])?$", symbols, re.M):
         bits_by_port.setdefault(name, {})[int(bit or 0)] = int(position)
@@ -66,18 +66,12 @@ def read(path):
     if a and (ands[:, 1:] >= ands[:, :1]).any():
         raise FileError(f"{path}: an AND reads one that follows it")
     symbols = "\n".join(lines[at[4] :])
-    return Graph(
-        _parse_port_symbols(symbols, "i"),
-        _parse_port_symbols(symbols, "o"),
-        i,
-        outputs[:, 0],
-        latches[:, 1].copy(),
-        ands[:, 1:].copy(),
-    )
+    ports = [_parse_port_symbols(symbols, kind) for kind in "io"]
+    return Graph(*ports, i, outputs[:, 0], latches[:, 1].copy(), ands[:, 1:].copy())
 
 
 def expand_bits(rows, columns, port_positions, count):
-    """uint8 (rows, count): bit k of column `name` stands at place places[name][k].
+    """uint8 (rows, count): bit k of column `name` stands at position port_positions[name][k].
 
     rows     int64, one column per name
     columns  [(name, width)]
@@ -95,10 +89,8 @@ def expand_bits(rows, columns, port_positions, count):
 
 
 @kernel
-def _simulate_lanes(
-    ands, latches, out_literals, in_count, stim, exp, mask, chosen, clear, cycles, first, initial_state
-):
-    """`first[k]`: first row in which design k differs, or as it was; `initial_state`: flip-flops at row 0."""
+def _simulate_lanes(ands, latches, out_literals, in_count, stim, exp, mask, chosen, clear, cycles, first, initial):
+    """`first[k]`: first row in which design k differs, or as it was; `initial`: flip-flops at row 0."""
     count = latches.shape[0]
     value = np.zeros(2 * (1 + in_count + count + ands.shape[0]), np.int64)
     following = np.zeros(count, np.int64)
@@ -122,7 +114,7 @@ def _simulate_lanes(
             value[gates + 2 * k + 1] = ~word
         if n == 0:
             for k in range(count):
-                initial_state[k] = value[begin + 2 * k]
+                initial[k] = value[begin + 2 * k]
         if n >= 0:
             bad = np.int64(0)
             for k in range(out_literals.shape[0]):

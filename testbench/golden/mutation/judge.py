@@ -132,7 +132,7 @@ class Judge:
 
     def _guesses(self):
         """[(bound now, bound after the next edge)] of the ranges that hold in the reset state."""
-        net, range_bounds = self.net, []
+        net, bounds = self.net, []
         for name, (signed, lo, hi) in (self._ranges() if self._ranges else {}).items():
             now = [self.sound[0][position] for position in self._graph.outputs[name]]
             if not all(x >> 1 in self._following for x in now):
@@ -141,24 +141,22 @@ class Judge:
             word = sum((self._initial[x >> 1] ^ (x & 1)) << k for k, x in enumerate(now))
             word -= 1 << len(now) if signed and word >> (len(now) - 1) else 0
             if lo <= word <= hi:
-                range_bounds += zip(
+                bounds += zip(
                     net.bound_literals(now, signed, lo, hi), net.bound_literals(after, signed, lo, hi), strict=True
                 )
-        return range_bounds
+        return bounds
 
     @cached_property
     def _range_invariant(self):
         """Literal of bounds that, together, no edge of the sound design leaves; those that fail are left out."""
-        net, candidate_bounds = self.net, self._guesses()
-        while candidate_bounds:
-            assumption = net.both(self._kept, net.any(now ^ 1 for now, _ in candidate_bounds) ^ 1)
-            if self._never(net.both(assumption, net.any(after ^ 1 for _, after in candidate_bounds)), "bounds"):
+        net, bounds = self.net, self._guesses()
+        while bounds:
+            assumption = net.both(self._kept, net.any(now ^ 1 for now, _ in bounds) ^ 1)
+            if self._never(net.both(assumption, net.any(after ^ 1 for _, after in bounds)), "bounds"):
                 break
-            inductive_bounds = [
-                pair for pair in candidate_bounds if self._never(net.both(assumption, pair[1] ^ 1), "bound")
-            ]
-            candidate_bounds = inductive_bounds if len(inductive_bounds) < len(candidate_bounds) else []
-        return net.any(now ^ 1 for now, _ in candidate_bounds) ^ 1
+            inductive = [pair for pair in bounds if self._never(net.both(assumption, pair[1] ^ 1), "bound")]
+            bounds = inductive if len(inductive) < len(bounds) else []
+        return net.any(now ^ 1 for now, _ in bounds) ^ 1
 
     def _search(self, number, differs):
         """Verdict by traces from reset, and by an invariant."""

@@ -52,10 +52,8 @@ def _prepare(params, rtl, work):
     for name, width, raw in board.top_parameters(params):
         # a text of its own: the design's own default takes the place of parameters from outside
         kind = "sh" if re.search(rf"parameter\s+signed\s[^=\n]*\b{name}\s*=", text) else "h"
-        text, replacement_count = re.subn(
-            rf"(parameter[^=\n]*\b{name}\s*= )[^,\s]+", rf"\g<1>{width}'{kind}{raw:x}", text
-        )
-        if replacement_count != 1:
+        text, count = re.subn(rf"(parameter[^=\n]*\b{name}\s*= )[^,\s]+", rf"\g<1>{width}'{kind}{raw:x}", text)
+        if count != 1:
             raise FileError(f"{rtl}: top.v: parameter {name} is missing")
     (work / "top.v").write_text(text)
     script = [f"read_verilog -defer {path.name}" for path in files]
@@ -106,7 +104,7 @@ def _first_true_row(ands, leaves, literal, count):
 
 
 @kernel
-def _first_mismatch_row(ands, leaves, literals, expected_bits, count, values):
+def _first_mismatch(ands, leaves, literals, expected_bits, count, values):
     """First row in which one of the literals is not as wanted, or -1."""
     for batch in range(leaves.shape[1]):
         _evaluate(ands, leaves, batch, values)
@@ -154,11 +152,9 @@ class _Design:
 
         Raises FileError if a flip-flop is in no port.
         """
-        leaf_sources = []
+        sources = []
         for column, name in enumerate((RESET_INPUT, *top.Inputs._fields)):
-            leaf_sources += [
-                ((column, bit, 0), 1 + position) for bit, position in enumerate(graph.inputs.get(name, ()))
-            ]
+            sources += [((column, bit, 0), 1 + position) for bit, position in enumerate(graph.inputs.get(name, ()))]
         first, mapped_leaves = 1 + graph.in_count, set()
         for column, (port, fmt) in enumerate(
             zip(library.PORTS, library.port_formats(self.r.params.design), strict=True)
@@ -170,10 +166,10 @@ class _Design:
                 leaf, flip = divmod(outs[position], 2)
                 if first <= leaf < first + len(graph.latches):
                     mapped_leaves.add(leaf)
-                    leaf_sources.append(((replay.INPUTS + column, bit, flip), leaf))
+                    sources.append(((replay.INPUTS + column, bit, flip), leaf))
         if len(mapped_leaves) < len(graph.latches):
             raise FileError(f"top.v: {len(graph.latches) - len(mapped_leaves)} of its flip-flops are in no port r_NAME")
-        return leaf_sources
+        return sources
 
     def chunks(self):
         """(first clock, int64 rows of inputs and registers, pins): a row more than is new, but at the end."""
@@ -205,9 +201,7 @@ class _Design:
         values = np.zeros(2 * (1 + len(leaves) + len(ands)), np.uint64)
         values[1] = ~np.uint64(0)
         return int(
-            _first_mismatch_row(
-                ands, leaves, np.array(literals, np.int64), np.array(expected_bits), len(rows) - 1, values
-            )
+            _first_mismatch(ands, leaves, np.array(literals, np.int64), np.array(expected_bits), len(rows) - 1, values)
         )
 
     def find_first_true_row(self, literal, rows):

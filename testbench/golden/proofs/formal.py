@@ -130,10 +130,8 @@ def _design(block, case, rtl, choice):
 
 def _top(block, case, checker, design):
     """Verilog: design and properties, both with the parameters of the case, over free inputs."""
-    parameter_values = [
-        (name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)
-    ]
-    checker_parameters = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
+    settings = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)]
+    declared = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
     inputs = [("clk", 1), *((p.name, p.width) for p in block.columns)]
     result_ports = [(name, p.width) for name, p in layout.results(block)]
     widths = dict(inputs + result_ports)
@@ -150,25 +148,17 @@ def _top(block, case, checker, design):
     ports = ", ".join(f"input wire [{width - 1}:0] {name}" for name, width in inputs + unseen)
     lines = [f"module {TOP} ({ports});"]
     lines += [f"    wire [{width - 1}:0] {name};" for name, width in result_ports if name in design.ports]
-    lines.append(
-        module_instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), parameter_values)
-    )
+    lines.append(module_instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), settings))
     used = [name for name, _ in _checker_ports(checker)]
-    lines.append(
-        module_instance(
-            f"prove_{block.stem}", "properties", used, [g for g in parameter_values if g[0] in checker_parameters]
-        )
-    )
+    lines.append(module_instance(f"prove_{block.stem}", "properties", used, [g for g in settings if g[0] in declared]))
     return "\n".join([*lines, "endmodule"]) + "\n", [name for name, _ in unseen]
 
 
 def _script(design, unseen, proof_command):
     """Commands for yosys: read, flatten, take out what speaks of an unseen port, prove."""
-    design_sources = design.sources
-    options = "".join(f" -I{folder}" for folder in design_sources.includes) + "".join(
-        f" -D{macro}" for macro in design_sources.defines
-    )
-    lines = [f"read_verilog -defer{' -sv' * (path.suffix == '.sv')}{options} {path}" for path in design_sources.files]
+    source = design.sources
+    options = "".join(f" -I{folder}" for folder in source.includes) + "".join(f" -D{macro}" for macro in source.defines)
+    lines = [f"read_verilog -defer{' -sv' * (path.suffix == '.sv')}{options} {path}" for path in source.files]
     lines += ["read_verilog -defer wrapper.v"] if design.wrapper else []
     lines += [
         "read_verilog -formal checker.v",
@@ -199,13 +189,11 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
     block, checker = blocks.BLOCKS[stem], (PROPERTIES / f"{stem}.v").read_text()
     design = _design(block, case, rtl, choice)
     properties = labels(checker)
-    selected_properties = properties if only is None else tuple(only)
-    for name in selected_properties:
+    selected = properties if only is None else tuple(only)
+    for name in selected:
         if name not in properties:
             raise ConfigError(f"{stem}: has no property {name}; known: {', '.join(properties)}")
-    selected_checker = re.sub(
-        r"\b(\w+): assert\b", lambda m: m[0] if m[1] in selected_properties else f"{m[1]}: cover", checker
-    )
+    reduced = re.sub(r"\b(\w+): assert\b", lambda m: m[0] if m[1] in selected else f"{m[1]}: cover", checker)
     text, unseen = _top(block, case, checker, design)
     proof_command = (
         f"sat -tempinduct{'-baseonly' if base_only else ''} -prove-asserts -set-assumes -maxsteps {steps} "
@@ -215,12 +203,12 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
     with tempfile.TemporaryDirectory(prefix="gyro-formal-") as temporary:
         work = Path(folder or temporary)
         script = "\n".join(_script(design, unseen, proof_command)) + "\n"
-        files = {"checker.v": selected_checker, "top.v": text, "wrapper.v": design.wrapper, "sync_reset.v": SYNC_RESET}
+        files = {"checker.v": reduced, "top.v": text, "wrapper.v": design.wrapper, "sync_reset.v": SYNC_RESET}
         for name, file_text in {**files, "proof.ys": script}.items():
             (work / name).write_text(file_text)
         yosys_log = _run_yosys(work, f"{rtl}: {stem}/{case}")
         tried = re.findall(r"properties\.(\w+)$", (work / "tried.txt").read_text(), re.M)
-        tried = tuple(name for name in selected_properties if name in tried)
+        tried = tuple(name for name in selected if name in tried)
         proven, reached, why = _verdict(yosys_log)
         if why.startswith("no failure") and not base_only and len(tried) == 1 and shutil.which("yosys-abc"):
             (work / "proof.ys").write_text("\n".join(_script(design, unseen, AIGER)) + "\n")
@@ -233,20 +221,13 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
     if why.startswith("no failure") and not base_only and len(tried) > 1:
         # the others may stand without it
         single_proofs = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
-        proven, invariant = (
-            all(single_proof.proven for single_proof in single_proofs),
-            sum((single_proof.invariant for single_proof in single_proofs), ()),
-        )
-        broken = next(
-            (single_proof for single_proof in single_proofs if single_proof.why.startswith("a property fails")), None
-        )
-        open_ones = ", ".join(single_proof.properties[0] for single_proof in single_proofs if not single_proof.proven)
+        proven, invariant = all(p.proven for p in single_proofs), sum((p.invariant for p in single_proofs), ())
+        broken = next((p for p in single_proofs if p.why.startswith("a property fails")), None)
+        open_ones = ", ".join(p.properties[0] for p in single_proofs if not p.proven)
         why = f"{why} of {open_ones}; the rest is proven" if open_ones else ""
         why = f"{broken.why}: {broken.properties[0]}" if broken else why
-    untried_properties = tuple(name for name in selected_properties if name not in tried)
-    return Proof(
-        stem, case, tried, proven, reached, why, time.perf_counter() - began, level, untried_properties, invariant
-    )
+    untried = tuple(name for name in selected if name not in tried)
+    return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, untried, invariant)
 
 
 def _run_yosys(work, what):

@@ -79,13 +79,13 @@ def is_number(x):
 class Interpreter:
     """Runs kernels.
 
-    hooks     {function: replacement(path, arguments)}
-    stored    stored(name, index, value, path) sees every store into an array
-    apart     functions whose ways stay apart where they fill a field of a record
-    kept      local names whose constants keep ways apart, beside those that conditions use
-    tied      local names of relations: ways that give them different forms stay apart
-    notes     {Place: [lowest, highest]} of every arithmetic result
-    problems  {Place: text} of what int64 or the HDL could see otherwise: shift counts, table indices
+    hooks            {function: replacement(path, arguments)}
+    stored           stored(name, index, value, path) sees every store into an array
+    split_functions  functions whose ways stay apart where they fill a field of a record
+    tracked_names    local names whose constants keep ways apart, beside those that conditions use
+    tied             local names of relations: ways that give them different forms stay apart
+    notes            {SourceOperation: [lowest, highest]} of every arithmetic result
+    problems         {SourceOperation: text} of what int64 or the HDL could see otherwise: shift counts, table indices
     """
 
     def __init__(self, hooks=None, stored=None, split_functions=(), tracked_names=frozenset(), tied=frozenset()):
@@ -390,11 +390,9 @@ class Interpreter:
     # ---- records -----------------------------------------------------------------------------------------------------
 
     def source_operation(self, node):
-        function_source = self.where[-1]
-        text = ast.get_source_segment(function_source.text, node) if hasattr(node, "end_lineno") else None
-        return SourceOperation(
-            function_source.name, function_source.first + node.lineno, " ".join((text or ast.unparse(node)).split())
-        )
+        where = self.where[-1]
+        text = ast.get_source_segment(where.text, node) if hasattr(node, "end_lineno") else None
+        return SourceOperation(where.name, where.first + node.lineno, " ".join((text or ast.unparse(node)).split()))
 
     def track_range(self, node, path, value):
         key = (self.where[-1].name, node)
@@ -414,7 +412,7 @@ class Interpreter:
         return Unsupported(f"{where.name if where else '?'}, line {line}: {ast.unparse(node)} is not understood")
 
 
-OPERATIONS = {}  # (function, node) -> Place, found once: the text of a node takes long to cut out
+OPERATIONS = {}  # (function, node) -> SourceOperation, found once: the text of a node takes long to cut out
 
 
 def iterate_atoms(values):

@@ -30,7 +30,7 @@ def range_entry(block, case, regs, pins):
     """
     analysis = ranges.analyse_cached(block.stem, block.cases[case], block.design)
     port_entries = []
-    for one, observed_range in zip(
+    for one, span in zip(
         (*analysis.registers, *analysis.pins), column_ranges(np.column_stack([regs, pins])), strict=True
     ):
         port_entries.append(
@@ -38,7 +38,7 @@ def range_entry(block, case, regs, pins):
                 "name": one.name,
                 "fmt": list(one.fmt),
                 "proven": _ends(one.proven),
-                "seen": observed_range,
+                "seen": span,
                 "headroom_bits": one.headroom,
                 "proof": "width only" if one.proven is None else "induction",
             }

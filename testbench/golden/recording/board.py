@@ -36,10 +36,8 @@ def top_parameters(params):
     d = params.design
     design_keys = {name: value for block in design_blocks(d).values() for name, value in block.design_keys.items()}
     pairs = zip(leaves(params), format_leaves(formats(top.Params, d)), strict=True)
-    parameter_values = [
-        (port_name(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs
-    ]
-    return [*((name, 32, value) for name, value in design_keys.items()), *parameter_values]
+    values = [(port_name(name), fmt.width, int(raw) & ((1 << fmt.width) - 1)) for (name, raw), (_, fmt) in pairs]
+    return [*((name, 32, value) for name, value in design_keys.items()), *values]
 
 
 def write_roms(folder, design=DEFAULT):

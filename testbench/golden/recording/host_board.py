@@ -42,12 +42,10 @@ def text(params, port=host):
     pins += [f"    output wire {_vector_prefix(fmt.width)}o_{pin}" for pin, fmt in port.PINS_FMT._asdict().items()]
     wires = [f"    wire {_vector_prefix(width)}{name};" for name, width in {**widths, **bus}.items()]
     joined = [f"        .r_{name}({name})" for name in widths]
-    connections = [f".{pin}({pin})" for pin in ("clk", RESET_INPUT, *port.Inputs._fields, *widths)]
-    connections += [f".{pin}({wire})" for wire, pin in BUS.items()] + [
-        f".o_{pin}(o_{pin})" for pin in port.Pins._fields
-    ]
-    connection_text = ",\n        ".join(connections)
-    instance = f"    gyro_{name} #(.DDS_BITS({params.design.dds_bits})) host (\n        {connection_text}\n    );\n"
+    links = [f".{pin}({pin})" for pin in ("clk", RESET_INPUT, *port.Inputs._fields, *widths)]
+    links += [f".{pin}({wire})" for wire, pin in BUS.items()] + [f".o_{pin}(o_{pin})" for pin in port.Pins._fields]
+    link_text = ",\n        ".join(links)
+    instance = f"    gyro_{name} #(.DDS_BITS({params.design.dds_bits})) host (\n        {link_text}\n    );\n"
     assert verilog.count(HEAD) == verilog.count(TAIL) == 1
     verilog = verilog.replace(HEAD, ",\n" + ",\n".join(pins) + HEAD + "\n" + "\n".join(wires) + "\n")
     return verilog.replace(TAIL, ",\n" + ",\n".join(joined) + "\n    );\n\n" + instance + "\nendmodule\n")

@@ -162,41 +162,31 @@ def load(name, folder=FOLDER):
 def check(path, r):
     """Raise FileError if anything of a recording is outside its limits."""
 
-    def require_valid(ok, what):
+    def expect(ok, what):
         if not ok:
             raise FileError(f"{path}: {what}")
 
     d = r.params.design
     end = r.frames * d.frame_clocks
-    require_valid(
-        r.frames >= 1 and r.row_every >= 1, f"frames = {r.frames}, row_every = {r.row_every}: at least 1 each"
-    )
+    expect(r.frames >= 1 and r.row_every >= 1, f"frames = {r.frames}, row_every = {r.row_every}: at least 1 each")
     for name, rows in (("adc", r.stimulus.adc), ("host", r.stimulus.host)):
         clocks = rows[:, 0]
-        require_valid((np.diff(clocks) > 0).all(), f"{name}: the clocks do not rise")
-        require_valid(
-            not len(clocks) or (clocks[0] >= 0 and clocks[-1] < end), f"{name}: a clock is outside 0 .. {end - 1}"
-        )
+        expect((np.diff(clocks) > 0).all(), f"{name}: the clocks do not rise")
+        expect(not len(clocks) or (clocks[0] >= 0 and clocks[-1] < end), f"{name}: a clock is outside 0 .. {end - 1}")
     status, codes, host = r.stimulus.adc[:, 1], r.stimulus.adc[:, 2:], r.stimulus.host
-    require_valid(((status >= 0) & (status < 1 << 24)).all(), "adc: a status word is outside 24 bits")
-    require_valid(((codes >= -(1 << 23)) & (codes < 1 << 23)).all(), "adc: a code is outside 24 bits")
-    require_valid(((host[:, 1] >= 0) & (host[:, 1] <= 1)).all(), "host: an event is neither a write nor a reset")
-    require_valid(((host[:, 2] >= 0) & (host[:, 2] < 1 << 8)).all(), "host: an address is outside 8 bits")
-    require_valid(((host[:, 3] >= 0) & (host[:, 3] < 1 << 48)).all(), "host: data outside 48 bits")
+    expect(((status >= 0) & (status < 1 << 24)).all(), "adc: a status word is outside 24 bits")
+    expect(((codes >= -(1 << 23)) & (codes < 1 << 23)).all(), "adc: a code is outside 24 bits")
+    expect(((host[:, 1] >= 0) & (host[:, 1] <= 1)).all(), "host: an event is neither a write nor a reset")
+    expect(((host[:, 2] >= 0) & (host[:, 2] < 1 << 8)).all(), "host: an address is outside 8 bits")
+    expect(((host[:, 3] >= 0) & (host[:, 3] < 1 << 48)).all(), "host: data outside 48 bits")
     sar = r.stimulus.sar
-    require_valid(
-        len(sar) in (0, end // d.tick_clocks), f"sar: {len(sar)} samples, expected {end // d.tick_clocks} or none"
-    )
-    require_valid(
-        ((sar >= SAMPLE.lo) & (sar <= SAMPLE.hi)).all(), f"sar: a sample is outside {SAMPLE.lo} .. {SAMPLE.hi}"
-    )
+    expect(len(sar) in (0, end // d.tick_clocks), f"sar: {len(sar)} samples, expected {end // d.tick_clocks} or none")
+    expect(((sar >= SAMPLE.lo) & (sar <= SAMPLE.hi)).all(), f"sar: a sample is outside {SAMPLE.lo} .. {SAMPLE.hi}")
     for window in r.windows:
         inside = window.first >= 0 and window.count >= 1 and window.first + window.count <= end
-        require_valid(
-            inside, f"window {window.shows}: clocks {window.first} + {window.count} are outside 0 .. {end - 1}"
-        )
+        expect(inside, f"window {window.shows}: clocks {window.first} + {window.count} are outside 0 .. {end - 1}")
     for (name, value), (_, fmt) in zip(leaves(r.params), format_leaves(formats(top.Params, d))):
-        require_valid(fmt.holds(value), f"parameter {name}: {value} is outside its format {fmt}")
+        expect(fmt.holds(value), f"parameter {name}: {value} is outside its format {fmt}")
 
 
 def sha256(recording):

@@ -48,12 +48,9 @@ def codes():
 
 def ones():
     """[{register: word}] of the steps of `ones`: a narrow word keeps its last."""
-    decision_registers = [registers.BY_NAME[name] for name in DECIDE]
-    steps = range(max(r.fmt.width for r in decision_registers))
-    return [
-        dict.fromkeys(decision_registers, 0),
-        *({r: 1 << min(k, r.fmt.width - 1) for r in decision_registers} for k in steps),
-    ]
+    deciding = [registers.BY_NAME[name] for name in DECIDE]
+    steps = range(max(r.fmt.width for r in deciding))
+    return [dict.fromkeys(deciding, 0), *({r: 1 << min(k, r.fmt.width - 1) for r in deciding} for k in steps)]
 
 
 def script():

@@ -32,7 +32,7 @@ ROW_WORDS = signature.padded_width(ROW_WIDTH) // signature.DEGREE
 BUFFER = 64 * ROW_WORDS + WORDS  # a remainder moves down by a row at each clock, and is moved up again when it cannot
 RESET_CS_N, RESET_SCLK = spi_adc.State().cs_n, spi_adc.State().sclk
 
-# compiled for the rows of the default design; those of others are signed by `signature.of_rows`
+# compiled for the rows of the default design; those of others are signed by `signature.rows_signature`
 _append = signature.appender([fmt.width for fmt in (*REGISTER_FMT, *top.PINS_FMT)])
 
 
@@ -179,11 +179,8 @@ def run(params, stimulus, frames, at, board=None, registers=True):
         raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
     by_frame = registers and d != DEFAULT
     frames_per_batch = 1 if by_frame else FRAMES_AT_ONCE
-    o, rom, fresh = (
-        _allocate_rows(at, frames, 0 if board is None else frames_per_batch * d.frame_clocks),
-        sine.table(d),
-        top.reset(d),
-    )
+    o = _allocate_rows(at, frames, 0 if board is None else frames_per_batch * d.frame_clocks)
+    rom, fresh = sine.table(d), top.reset(d)
     s, chip, position = fresh, adc_serial.State(), ReplayPosition()
     buffer = np.zeros(BUFFER if registers and not by_frame else 0, np.int64)
     for frame in range(0, frames, frames_per_batch):

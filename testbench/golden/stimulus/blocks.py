@@ -187,7 +187,7 @@ def step_arguments(block, params, values):
 
 
 def case_parameters(block, case):
-    """[Port-like (name, raw, format)] of the case's parameters as `registry.told`; empty where they are inputs."""
+    """[(name, raw, format)] of a case, as `registry.flattened_parameters`; empty where parameters are inputs."""
     params = block.cases[case]
     if params is None:
         return []

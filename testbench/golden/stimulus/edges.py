@@ -46,13 +46,11 @@ def edges_sine(w):
     total = (base[:, None] << d.sine_fraction_bits) + slope[:, None] * middle
     cut, index_bits = sine.PRODUCT.for_design(d).f, d.sine_address_bits + d.sine_fraction_bits
     low, odd, half = total & ((1 << cut) - 1), (total >> cut) & 1, 1 << (cut - 1)
-    table_indices = [
-        np.flatnonzero(low == dropped_bits)[:2] for dropped_bits in (0, 1, half - 1, half + 1, 2 * half - 1)
-    ]
-    table_indices += [np.flatnonzero((low == half) & (odd == parity)) for parity in (0, 1)]
-    for table_index in np.concatenate(table_indices).tolist():
+    indices = [np.flatnonzero(low == bits)[:2] for bits in (0, 1, half - 1, half + 1, 2 * half - 1)]
+    indices += [np.flatnonzero((low == half) & (odd == parity)) for parity in (0, 1)]
+    for index in np.concatenate(indices).tolist():
         for quadrant in range(4):
-            mirrored = table_index if quadrant % 2 == 0 else ~table_index & ((1 << index_bits) - 1)
+            mirrored = index if quadrant % 2 == 0 else ~index & ((1 << index_bits) - 1)
             w.append_row({"phase": ((quadrant << index_bits) | mirrored) << (d.dds_bits - 2 - index_bits)})
     for word in range(1 << d.sine_address_bits):
         w.append_row({"phase": word << (d.dds_bits - 2 - d.sine_address_bits)})

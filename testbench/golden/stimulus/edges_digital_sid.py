@@ -35,13 +35,12 @@ def edges_digital_sid(w):
             w.append_row({"ce_1m": 1, "refs": refs, "sample_x": x, "sample_y": y}, times=30)
             w.operation({"refs": refs, "sample_x": x, "sample_y": y})
     for limit, end in ((digital_sid.ACC.lo, lo), (digital_sid.ACC.hi, hi)):
-        full_scale_ticks = limit // end - 1
-        for offset_lsb in (-1, 0, 1):
+        ticks = limit // end - 1
+        for offset in (-1, 0, 1):
             _start(w)
-            remainder = limit - full_scale_ticks * end + offset_lsb
+            remainder = limit - ticks * end + offset
             _append_samples(
-                w,
-                [(15, end, full_scale_ticks), (15, remainder - remainder // 2, 1), (15, remainder // 2, 1), (15, 0, 1)],
+                w, [(15, end, ticks), (15, remainder - remainder // 2, 1), (15, remainder // 2, 1), (15, 0, 1)]
             )
     for first, second in _rounding_pairs(w.block.cases[w.case].alpha):
         _start(w)

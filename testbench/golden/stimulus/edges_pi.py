@@ -107,10 +107,8 @@ def presets_at_the_limits(loop):
 def acc_at_the_limits(loop):
     step = largest_power_of_two(loop.p.ki)
     for limit in (loop.p.lo, loop.p.hi):
-        for offset_steps in (-1, 0, 1):
-            ops = loop.solve_operations(limit * ONE + offset_steps * step) or (
-                offset_steps and loop.approach_limit(limit, offset_steps)
-            )
+        for offset in (-1, 0, 1):
+            ops = loop.solve_operations(limit * ONE + offset * step) or (offset and loop.approach_limit(limit, offset))
             for op in ops or ():
                 loop.operate(*op)
 
@@ -291,12 +289,7 @@ def _loop_error_inputs(stem, e):
     ]
 
 
-ERRORS = {
-    "agc": Fmt(1, 24, 0),
-    "frequency_tracker": signed_bits(24),
-    "rate_loop": signed_bits(24),
-    "quadrature_loop": signed_bits(24),
-}
+ERRORS = {"agc": Fmt(1, 24, 0)} | dict.fromkeys(("frequency_tracker", "rate_loop", "quadrature_loop"), signed_bits(24))
 
 
 def edges_loop(w):

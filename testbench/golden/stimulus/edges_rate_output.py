@@ -31,7 +31,7 @@ def _word(corrected):
     return {"word": word, "bias": (word << 8) - corrected}
 
 
-def _append_scale_sum_limits(w):
+def _scale_sums(w):
     lo, hi = rate_output.SCALE.lo, rate_output.SCALE.hi
     for low, quotient in rounding_edge_bits(SUM_CUT):
         w.operation({"scale": quotient, "scale_t1": low, "temperature": T_ONE, "word": 1 << 20})
@@ -39,7 +39,7 @@ def _append_scale_sum_limits(w):
         w.operation({"scale": scale, "scale_t1": more << SUM_CUT, "temperature": T_ONE, "word": 1 << 10})
 
 
-def _append_corrected_limits(w):
+def _corrections(w):
     lo, hi = rate_output.CORRECTED.lo, rate_output.CORRECTED.hi
     for low, quotient in rounding_edge_bits(BIAS_CUT):
         # word*2**24 - (b0*2**16 + b1): b1 takes the dropped bits away from one more than is kept
@@ -48,7 +48,7 @@ def _append_corrected_limits(w):
         w.operation({"scale": ONE, **_word(target_corrected)})
 
 
-def _append_scaled_limits(w):
+def _scaling(w):
     lo, hi = rate_output.OUT.lo, rate_output.OUT.hi
     for low, quotient in rounding_edge_bits(rate_output.SCALED_CUT):
         w.operation({"scale": 1, **_word((quotient << rate_output.SCALED_CUT) + low)})
@@ -103,7 +103,7 @@ def _resets(w):
     w.append_row(rst=1)
 
 
-def _append_input_changes(w):
+def _captures(w):
     """Word and temperature are those of `en`: in each clock that follows both are others."""
     word, temperature = rate_output.CODE.hi // 3, T_ONE * (rate_output.T.hi // 3)
     for sign in (1, -1):
@@ -124,15 +124,5 @@ def _low_bits(w):
 
 
 def edges_rate_output(w):
-    for part in (
-        _append_scale_sum_limits,
-        _append_corrected_limits,
-        _append_scaled_limits,
-        _means,
-        _squares,
-        _decimations,
-        _resets,
-        _append_input_changes,
-        _low_bits,
-    ):
+    for part in (_scale_sums, _corrections, _scaling, _means, _squares, _decimations, _resets, _captures, _low_bits):
         part(w)

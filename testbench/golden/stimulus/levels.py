@@ -34,7 +34,7 @@ HOST = {
 def _wiring_levels():
     """{stem: {register or pin: level}} of what the wiring of control and top reads."""
     stems = {path: module.__name__.rpartition(".")[2] for path, module in wiring.nested_blocks(top.State)}
-    level_by_register = {}
+    lowest = {}
     for module, before in ((control, "control."), (top, "")):
         for wire in wiring.trace(module, all_parts=True).wires:
             level = "pins" if wire.instance == "pins" else "outputs"
@@ -42,10 +42,8 @@ def _wiring_levels():
                 for path, stem in stems.items():
                     if name.startswith(f"{path}.") and not f"{before}{wire.instance}.".startswith(f"{path}."):
                         register = port_name(name[len(path) + 1 :])
-                        level_by_register[stem, register] = (
-                            level if level == "pins" else level_by_register.get((stem, register), level)
-                        )
-    return level_by_register
+                        lowest[stem, register] = level if level == "pins" else lowest.get((stem, register), level)
+    return lowest
 
 
 @functools.cache
@@ -135,12 +133,8 @@ def omitted_params(manifest):
     if not hasattr(module, "Params"):
         return []
     shape, present_names = formats(module.Params, DEFAULT), {p["name"] for p in manifest.get("params", [])}
-    required_names = {name for name, _ in required_parameters(shape, present_names)}
-    return [
-        {"name": port_name(name), "fmt": list(fmt)}
-        for name, fmt in leaves(shape)
-        if port_name(name) not in required_names
-    ]
+    names = {name for name, _ in required_parameters(shape, present_names)}
+    return [{"name": port_name(name), "fmt": list(fmt)} for name, fmt in leaves(shape) if port_name(name) not in names]
 
 
 @dataclass

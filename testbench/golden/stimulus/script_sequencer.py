@@ -178,10 +178,9 @@ def _bits_of_limits(walk):
     names = {"phase": 1, "sense_sin": 2, "sense_cos": 3}
     for name, k in names.items():
         blocking_inputs = slow if name == "phase" else unlocked_sense
-        test_states = (
-            (sequencer.ACQUIRE if blocking_inputs is slow else sequencer.BALANCE, blocking_inputs, p.limit_in[k]),
-        )
-        for state, between, limit in (*test_states, (sequencer.LOCKED, {}, p.limit_out[k])):
+        unlocked = sequencer.ACQUIRE if name == "phase" else sequencer.BALANCE
+        cases = ((unlocked, blocking_inputs, p.limit_in[k]), (sequencer.LOCKED, {}, p.limit_out[k]))
+        for state, between, limit in cases:
             if not walk.again(state, **between):
                 continue
             for n, error in enumerate([*around(limit, signed_bits(24)), -SETPOINT]):
@@ -262,10 +261,8 @@ def _searches(walk):
     if p.search < 3:
         return  # three steps of a phase get as far as the limit
     edge = (p.search_limit << CUT) // p.gain
-    limit_rotations = {edge + k for k in range(-64, 65)} | {
-        edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)
-    }
-    for total in sorted(limit_rotations | {-k for k in limit_rotations}):
+    rotations = {edge + k for k in range(-64, 65)} | {edge + sign * (1 << k) for k in range(6, 26) for sign in (1, -1)}
+    for total in sorted(rotations | {-k for k in rotations}):
         correction = (total * p.gain + (1 << (CUT - 1))) >> CUT
         sound = _accepts_correction(p, correction)
         for k in range(p.search_limit.bit_length() + 1):

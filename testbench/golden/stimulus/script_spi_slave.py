@@ -25,12 +25,12 @@ def msb_first_bits(value, count):
     return [(value >> k) & 1 for k in reversed(range(count))]
 
 
-def frame(read, address, words, word_count=None, spoil=0, zeros=0):
-    """Bits of SDI. A read sends random words; `word_count` is the count in the command, `zeros` its bit 11 and those
+def frame(read, address, words, count=None, spoil=0, zeros=0):
+    """Bits of SDI. A read sends random words; `count` is the count in the command, `zeros` its bit 11 and those
     below a word; the CRC is inverted in the bits `spoil`."""
-    word_count = len(words) if word_count is None else word_count
+    count = len(words) if count is None else count
     head = msb_first_bits(
-        read << spi_slave.READ_AT | word_count << spi_slave.WORDS_AT | address | zeros, spi_slave.COMMAND_BITS
+        read << spi_slave.READ_AT | count << spi_slave.WORDS_AT | address | zeros, spi_slave.COMMAND_BITS
     )
     data = [bit for word in words for bit in msb_first_bits(word, spi_slave.WORD_BITS)]
     check = msb_first_bits(crc(head if read else head + data) ^ spoil, spi_slave.CRC_BITS)

@@ -18,13 +18,11 @@ from testbench.golden.stimulus.writer import LONG_ROWS, around, frame, wrap_to_f
 LONG = 1000  # debounce in frames above which a script takes each way once
 
 
-def _lock_errors(p, setpoint, table, offset_lsb, sign):
-    """Inputs whose four errors are `offset_lsb` LSB beside the limits of `table`."""
+def _lock_errors(p, setpoint, table, offset, sign):
+    """Inputs whose four errors are `offset` LSB beside the limits of `table`."""
     names = ("agc_error", "phase", "sense_sin", "sense_cos")
     limits = ((setpoint * table[0]) >> lock_monitor.FRACTION, *table[1:])
-    return {"setpoint": setpoint} | {
-        name: sign * (limit + offset_lsb) for name, limit in zip(names, limits, strict=True)
-    }
+    return {"setpoint": setpoint} | {name: sign * (limit + offset) for name, limit in zip(names, limits, strict=True)}
 
 
 def _single_bit_neighbours(limit):

@@ -50,14 +50,12 @@ def around(limit, fmt):
 
     Below it the bits of the limit, +-1; then all zeros, all ones and both alternations, for faults of two bits.
     """
-    neighbours = set()
+    values = set()
     for k in range(fmt.width):
         flipped = limit ^ (1 << k)
-        neighbours |= {flipped - 1, flipped, flipped + 1}
-        neighbours |= {
-            (flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)
-        }
-    return sorted(v for v in neighbours if fmt.holds(v))
+        values |= {flipped - 1, flipped, flipped + 1}
+        values |= {(flipped >> k << k) | (pattern & ((1 << k) - 1)) for pattern in (0, -1, ALTERNATE, ALTERNATE << 1)}
+    return sorted(v for v in values if fmt.holds(v))
 
 
 def wrap_to_format(value, fmt):

@@ -37,7 +37,7 @@ DECLARED = {port: ("IN", width) for port, width in FACE.inputs.values()} | {
 
 
 def shown(lag_clocks, rates, hz=11002.3, ticks=150_000, sense_per_dps=400.0, bias_dps=7.0):
-    """`Shown` of ideal sines whose codes lag the phase of the pins; the pins leave on the grid of ticks.
+    """`PinCapture` of ideal sines whose codes lag the phase of the pins; the pins leave on the grid of ticks.
 
     lag_clocks  of drive and sense, from the phase to the instant at which a code changes
     """
@@ -142,7 +142,7 @@ def test_three_sigma_above_the_limit_is_not_resolved():
     assert line.verdict == judgement.OPEN
     assert line._replace(difference=0.3).verdict == judgement.FAILED
     assert line._replace(sigma=0.03).verdict == judgement.PASSED
-    # a deviation of found_95 fails in 95 of 100 runs
+    # a deviation of that size fails in 95 of 100 runs
     drawn = np.random.default_rng(1).normal(line.detectable_deviation, line.sigma, 20_000)
     assert np.mean(np.abs(drawn) > line.limit) == pytest.approx(0.95, abs=0.01)
 

@@ -112,7 +112,7 @@ def test_two_wrong_bits_of_a_frame_never_cancel(data):
 
 @given(st.data())
 def test_rows_of_any_layout_in_pairs(data):
-    """`of_rows` against the definition, for widths that no kernel is compiled for, and any number of rows."""
+    """`rows_signature` against the definition, for widths that no kernel is compiled for, and any number of rows."""
     widths = data.draw(st.lists(st.integers(1, 63), min_size=1, max_size=12))
     count = data.draw(st.integers(1, 9))
     rows = [[data.draw(st.integers(0, (1 << width) - 1)) for width in widths] for _ in range(count)]

@@ -49,7 +49,7 @@ def results(block):
 
 
 def set_params(block, case):
-    """`params_of` but for those that no design needs."""
+    """`case_parameters` but for those that no design needs."""
     unused = levels.unused_params(block)
     return [entry for entry in case_parameters(block, case) if entry[0] not in unused]
 

@@ -24,9 +24,7 @@ def span(width):
 
 def dut_instance(block, case, inputs):
     """Instance `dut`; `inputs` gives the net of an input port."""
-    generics = [
-        f".{name}(P_{name})" for name in (*block.design_keys, *(name for name, _, _ in set_params(block, case)))
-    ]
+    generics = [f".{name}(P_{name})" for name in (*block.design_keys, *(n for n, _, _ in set_params(block, case)))]
     generics += [f'.{name}("{path}")' for name, path in rom_parameters(block).items()]
     ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in input_ports(block))]
     pins, outputs = (compared_names(block, level) for level in ("pins", "outputs"))

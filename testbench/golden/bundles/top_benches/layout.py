@@ -54,7 +54,7 @@ class PinCondition(NamedTuple):
 
 
 def pin_conditions(block, clocks=None):
-    """{RTL port: Judged} of the pins that are not judged in every clock: of a bundle of the pins alone.
+    """{RTL port: PinCondition} of the pins that are not judged in every clock: of a bundle of the pins alone.
 
     clocks  {pin: clocks that it comes later}
     """

@@ -13,12 +13,10 @@ from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
 
 
-def _row_chunks(result_ports, row_bits):
+def _row_chunks(ports, row_bits):
     """Chunks of a row as concatenations of slices of ports, from the left; zeros in front of the first port."""
     first, more = chunks_of(row_bits)
-    parts = [("{width}'d0", row_bits - sum(p.width for _, p in result_ports), 0)] + [
-        (n, p.width, 1) for n, p in result_ports
-    ]
+    parts = [("{width}'d0", row_bits - sum(p.width for _, p in ports), 0)] + [(n, p.width, 1) for n, p in ports]
     chunks, room = [[]], first
     for name, width, is_port in parts:
         remaining_bits = width

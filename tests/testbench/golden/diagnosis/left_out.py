@@ -69,10 +69,8 @@ def columns(block, h):
         if simulate.adds_a_register(net, h.by):
             by, (run, held) = None, simulate.compile_block(net, h.site, h.by, list(net.roots))
         else:
-            by, (run, held) = (
-                simulate.compile_node(net, h.by),
-                simulate.compile_block(net, h.site, None, list(net.roots)),
-            )
+            by = simulate.compile_node(net, h.by)
+            run, held = simulate.compile_block(net, h.site, None, list(net.roots))
     count, golden = len(block.inputs["rst"]), Rows(net, block.leaves, len(block.inputs["rst"]))
     given = np.stack([block.inputs[n.value] for n in inputs_of(net)], axis=1).tolist()
     state = tuple(int(block.expected[name][0]) for name, root in net.roots.items() if root.op == "next")

@@ -68,14 +68,8 @@ def test_a_held_node_is_a_register_with_enable_and_reset():
     graph.leaf("in", "rst", fixed.bits(1))
     columns = {"load": [1, 0, 1, 1, 0, 1], "x": [3, 4, 5, 6, 7, 8], "rst": [0, 0, 0, 1, 0, 0]}
     leaves = {("in", name): np.array(column) for name, column in columns.items()}
-    assert rows.Rows(graph, leaves, 6).node_column(graph.enabled_register(load, x, -1)).tolist() == [
-        -1,
-        3,
-        3,
-        5,
-        -1,
-        -1,
-    ]
+    register = graph.enabled_register(load, x, -1)
+    assert rows.Rows(graph, leaves, 6).node_column(register).tolist() == [-1, 3, 3, 5, -1, -1]
 
 
 def test_an_odd_node_changes_with_each_load_and_a_late_reset_has_no_reset():
