@@ -20,7 +20,7 @@ def names(record):
 
 
 def rebuild(template, row):
-    """Record of the same shape as `like` from a row of integers; the inverse of `store`."""
+    """Record of the same shape as `template` from a row of integers; the inverse of `store`."""
     values = iter(row)
     return filled(template, lambda _: int(next(values)))
 

@@ -1,4 +1,4 @@
-"""Ctrl-C while compiled code runs: held back until it has returned. `held()` is for `with` and for functions.
+"""Ctrl-C while compiled code runs: held back until it has returned. `defer_interrupts()` is for `with` and functions.
 While modules are loaded it is one line, as it is afterwards: `during_import()`.
 
 Compiled code that makes Python objects on its way out, or calls Python to write a file, does not expect an exception

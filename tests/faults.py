@@ -13,12 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FAULTS = (
-    (
-        "fpga_model/pi.py",
-        "p.lo << fraction_bits, p.hi << fraction_bits)",
-        "p.lo << fraction_bits, (p.hi << fraction_bits) + 1)",
-        "fpga_model",
-    ),
+    ("fpga_model/pi.py", ", p.hi << fraction_bits)", ", (p.hi << fraction_bits) + 1)", "fpga_model"),
     (
         "fpga_model/dds.py",
         "wrap_unsigned(s.phase + off_sense_ref",

@@ -53,11 +53,9 @@ def table(spent):
         least, most = min(times), max(times)
         rows.append((what, f"{statistics.median(times):.3g} s", f"{least:.3g} .. {most:.3g}", f"{ratio:.2f}"))
     heads = ("what", "CPU s / simulated s", "least .. most", "clocked / this")
-    version_by_tool = machine.versions() | peers.versions()
-    version_text = ", ".join(
-        f"{name} {version_by_tool[name]}" for name in ("python", "numba", "gcc") if version_by_tool[name]
-    )
-    return Table("Firmware in C", heads, rows, f"{machine.cpu()}; {version_text}", (1, 2, 3))
+    versions = machine.versions() | peers.versions()
+    text = ", ".join(f"{name} {versions[name]}" for name in ("python", "numba", "gcc") if versions[name])
+    return Table("Firmware in C", heads, rows, f"{machine.cpu()}; {text}", (1, 2, 3))
 
 
 def main():

@@ -119,11 +119,10 @@ def cores_table(result):
 
 def sentences(result):
     """Memory of a gyroscope in lanes, and the cost of a whole run."""
-    memory_bytes = result["memory_bytes_per_lane"]
+    sizes = result["memory_bytes_per_lane"]
     return (
-        f"A gyroscope in lanes takes {memory_bytes['arrays'] / 1e3:.0f} kB in the arrays of its group, and "
-        f"{memory_bytes['process'] / 1e6:.1f} MB of the process between two chunks, with its state, tables, "
-        "last codes and "
+        f"A gyroscope in lanes takes {sizes['arrays'] / 1e3:.0f} kB in the arrays of its group, and "
+        f"{sizes['process'] / 1e6:.1f} MB of the process between two chunks, with its state, tables, last codes and "
         "hash.\n\n"
         f"A point of a campaign from power-on over lock and 0.5 s takes {result['run_cpu_s']:.3f} s of CPU."
     )

@@ -1,7 +1,8 @@
 """Where the frame engine's time goes: each stage of a block alone, on a locked gyroscope, in ns per tick.
 
-A block of one frame, the stages as `plant.block` and `frame.blocks` call them, each again and again on the same data.
-They add up to less than the engine, which also hashes and records, and finds less of its data in the first cache.
+A block of one frame, the stages as `plant.advance_ticks` and `frame.run_blocks` call them, each again and again on the
+same data. They add up to less than the engine, which also hashes and records, and finds less of its data in the first
+cache.
 """
 
 import statistics

@@ -278,9 +278,9 @@ def rerun(
     as_json: Json = False,
 ):
     """Run one finished point alone, here, and compare it with its file byte for byte."""
-    from testbench.campaign.rerun import rerun as again
+    from testbench.campaign.rerun import rerun as rerun_point
 
-    report = again(store, point, out, engine_texts or ())
+    report = rerun_point(store, point, out, engine_texts or ())
     if as_json:
         print_json(report._asdict())
     else:

@@ -50,7 +50,7 @@ def plan_names(store):
 
 
 def read_stored_plan(store, name):
-    """`StoredPoint`s of a name."""
+    """`StoredPlan` of a name."""
     if name not in plan_names(store):
         names = ", ".join(plan_names(store)) or "none"
         raise FileError(f"{store.path}: has no plan {name!r}; known: {names}")
@@ -190,18 +190,16 @@ def _write_netcdf(store, stored_plan, points, path):
     empty = {name: Variable(v.dims, np.broadcast_to(0, v.shape), v.attrs) for name, v in layouts.items()}
     scales |= shard.dimension_scales(empty, plan.keep.tau_s)
     # a convention by which xarray knows parameters from results
-    coordinate_attrs = {"coordinates": " ".join(parameters)} if parameters else {}
+    coords = {"coordinates": " ".join(parameters)} if parameters else {}
     finished = np.array([address in points for address in addresses], np.int8).reshape(plan.shape)
     names = np.array(addresses, object).reshape(plan.shape)
     results = {
-        "finished": Variable(
-            dims, finished, {"long_name": "1: the point is finished, 0: it is not", **coordinate_attrs}
-        ),
-        "point": Variable(dims, names, {"long_name": "address", **coordinate_attrs}),
+        "finished": Variable(dims, finished, {"long_name": "1: the point is finished, 0: it is not", **coords}),
+        "point": Variable(dims, names, {"long_name": "address", **coords}),
     }
     streams = {}
     for name, layout in layouts.items():
-        attrs = layout.attrs | coordinate_attrs
+        attrs = layout.attrs | coords
         if any(dim.startswith("time_") for dim in layout.dims):
             streams[name] = layout, attrs
         else:

@@ -66,7 +66,7 @@ def run(campaign_plan, path, executor, progress, write_more=None):
         for text in rejected.values():
             progress.note(f"{text}; this point is run again")
         missing = {p.address: p for p in points if not store.has(p.address)}
-        failures, finished_count = {}, 0
+        failures, finished = {}, 0
         unique = len(set(addresses))
         progress.set_totals(unique, unique - len(missing), executor)
         if missing:
@@ -79,17 +79,15 @@ def run(campaign_plan, path, executor, progress, write_more=None):
                             raise FileError(_stop_message(outcome.error, store, addresses))
                         if outcome.status == work.FAILED:
                             failures[outcome.address] = outcome.error
-                        finished_count += outcome.status in (work.DONE, work.FOUND)
+                        finished += outcome.status in (work.DONE, work.FOUND)
                         progress.add(outcome)
         with atomic_outputs():
             files, faults = collect.write(store, campaign_plan.name)
             files += write_more() if write_more else []
         failures |= faults
-    failure_list = [(address, failures[address]) for address in dict.fromkeys(addresses) if address in failures]
+    failed = [(address, failures[address]) for address in dict.fromkeys(addresses) if address in failures]
     reused, wall_s = unique - len(missing), time.monotonic() - began
-    return Report(
-        campaign_plan.name, len(points), reused, finished_count, list(rejected.items()), failure_list, files, wall_s
-    )
+    return Report(campaign_plan.name, len(points), reused, finished, list(rejected.items()), failed, files, wall_s)
 
 
 def _keep_state(store, digest, state):

@@ -36,8 +36,8 @@ def find(store, prefix):
 def rerun(path, prefix, out=None, engine_texts=()):
     """`Rerun` of a point; FileError if the sources are others than those it was made by.
 
-    out          takes the new file
-    own_engines  texts as of `--engine`
+    out           takes the new file
+    engine_texts  texts as of `--engine`
     """
     extra_engines = engines.parse_options(engine_texts)
     store = Store.open_folder(path)

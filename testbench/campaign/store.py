@@ -65,7 +65,7 @@ class Event(BaseModel):
 
 
 class Store:
-    """A store that exists. `Store.at` opens one, or makes it."""
+    """A store that exists. `Store.open_folder` opens one, or makes it."""
 
     def __init__(self, path, name):
         self.path, self.name = Path(path), name

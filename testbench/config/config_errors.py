@@ -71,14 +71,12 @@ def _invalid_key_line(sections, section, key, value, path):
     """Line for a key that does not exist: same quantity in another unit, nearest name, or another section's key."""
     fields = sections[section].model_fields
     stem, suffix = _suffix(key)
-    for candidate in fields:
-        candidate_stem, candidate_suffix = _suffix(candidate)
-        if candidate_suffix and candidate_stem == stem:
-            line = (
-                f"{path} is not a known key; this quantity is in{unit_suffix(fields[candidate])}: {section}.{candidate}"
-            )
+    for other in fields:
+        other_stem, other_suffix = _suffix(other)
+        if other_suffix and other_stem == stem:
+            line = f"{path} is not a known key; this quantity is in{unit_suffix(fields[other])}: {section}.{other}"
             fits = suffix and isinstance(value, (int, float)) and not isinstance(value, bool)
-            converted = convert(value, suffix, candidate_suffix) if fits else None
+            converted = convert(value, suffix, other_suffix) if fits else None
             return line if converted is None else f"{line} = {limit_text(converted)}"
     if homes := _homes(sections, key):
         return f"{path} is not a known key; {key} belongs in {homes}"
@@ -141,15 +139,11 @@ def explain(error, sections, source, origin):
     if kind in ("model_type", "model_attributes_type") or info is None:
         return f"{label}: {path} = {short_toml(value)} is not a section; write [{path}] and its keys below"
     if kind == "greater_than_equal":
-        return (
-            f"{label}: {path} = {short_toml(value)} is below the limit "
-            f"{limit_text(error['ctx']['ge'])}{unit_suffix(info)}"
-        )
+        limit = limit_text(error["ctx"]["ge"])
+        return f"{label}: {path} = {short_toml(value)} is below the limit {limit}{unit_suffix(info)}"
     if kind == "less_than_equal":
-        return (
-            f"{label}: {path} = {short_toml(value)} is above the limit "
-            f"{limit_text(error['ctx']['le'])}{unit_suffix(info)}"
-        )
+        limit = limit_text(error["ctx"]["le"])
+        return f"{label}: {path} = {short_toml(value)} is above the limit {limit}{unit_suffix(info)}"
     if kind == "finite_number":
         return f"{label}: {path} = {short_toml(value)} is not finite{_span(info)}"
     if kind == "literal_error":

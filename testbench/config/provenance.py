@@ -1,7 +1,7 @@
 """Where each default of [plant] and [firmware] comes from: fact, derived, fitted or assumed, with its reason.
 
     origin(section, key)    `Origin` of a default
-    fitted()                keys that were chosen or kept because they bring a number of the paper nearer
+    fitted_defaults()       keys that were chosen or kept because they bring a number of the paper nearer
 
 Source    analog_frontend/parts/provenance.py ([plant]), docs/phases.md
 """

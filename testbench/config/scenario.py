@@ -1,7 +1,7 @@
 """Scenario: what happens during a run, as profiles and a sorted list of events.
 
-    rate_rad_s.at(k), temp_degc.at(k)   in force during frame k (125 us): the profile's value at the middle of the frame
-    events                              register writes and faults, each at a 1 us tick, sorted
+    rate_rad_s, temp_degc   `frame_values(k)` in force during frame k (125 us): the value at the middle of the frame
+    events                  register writes and faults, each at a 1 us tick, sorted
 
 A profile is a number or points [t_s, value]: joined by straight lines, where two points at one time are a jump, or held
 until the next point (`steps`). Before its first point and after its last one a profile keeps their values.

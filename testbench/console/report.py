@@ -174,13 +174,11 @@ def spectra(outputs, rate_hz, images=3):
         axis.plot(*_thin(frequency[4:], level[4:]), color=BLUE, linewidth=0.9, label="codes")
         peak = 4 + int(np.argmax(level[4:]))
         # the hold repeats the spectrum around k times the rate, weighted by its sinc
-        image_dbfs = np.concatenate([level[1:], level[-2::-1]] * (images + 1))[: (2 * images + 1) * len(codes) // 2]
-        image_hz = np.arange(1, len(image_dbfs) + 1) * step_hz
-        image_dbfs = image_dbfs + 20 * np.log10(np.maximum(np.abs(np.sinc(image_hz / rate_hz)), 1e-12))
-        is_image = image_hz > rate_hz / 2
-        axis.plot(
-            *_thin(image_hz[is_image], image_dbfs[is_image]), color=ORANGE, linewidth=0.9, label="images of the hold"
-        )
+        dbfs = np.concatenate([level[1:], level[-2::-1]] * (images + 1))[: (2 * images + 1) * len(codes) // 2]
+        hz = np.arange(1, len(dbfs) + 1) * step_hz
+        dbfs = dbfs + 20 * np.log10(np.maximum(np.abs(np.sinc(hz / rate_hz)), 1e-12))
+        image = hz > rate_hz / 2
+        axis.plot(*_thin(hz[image], dbfs[image]), color=ORANGE, linewidth=0.9, label="images of the hold")
         line_hz = frequency[peak]
         sizes = [level[peak] + 20 * np.log10(line_hz / (k * rate_hz)) for k in range(1, images + 1)]
         centres = np.arange(1, images + 1) * rate_hz

@@ -76,7 +76,7 @@ def _six_digits(value):
 
 def tables(result):
     """Tables for the terminal and the page."""
-    f, n, limit_cycles = result.config.firmware, result.config.nominal, result.rest
+    f, n, effects = result.config.firmware, result.config.nominal, result.rest
     chosen = [("sid_c_f of [nominal]", _six_digits(n.sid_c_f), "F")]
     chosen += [(name, _six_digits(getattr(f, name)), quantity_unit(name)) for name in CHOSEN]
     simulated = result.simulated._asdict() if result.simulated else {}
@@ -85,11 +85,11 @@ def tables(result):
         for name, value in predicted_values(result).items()
     ]
     rounding = [
-        ("half a step of the converter, without noise", _six_digits(limit_cycles.adc_dead_band_dps), "deg/s"),
-        ("one LSB of the force word", _six_digits(limit_cycles.word_lsb_dps), "deg/s"),
-        ("one LSB of the force DAC", _six_digits(limit_cycles.dac_lsb_dps), "deg/s"),
-        ("one code of V_q, as quadrature", _six_digits(limit_cycles.v_q_lsb_dps), "deg/s"),
-        ("noise at the converter by its step", _six_digits(limit_cycles.dither), "rms steps"),
+        ("half a step of the converter, without noise", _six_digits(effects.adc_dead_band_dps), "deg/s"),
+        ("one LSB of the force word", _six_digits(effects.word_lsb_dps), "deg/s"),
+        ("one LSB of the force DAC", _six_digits(effects.dac_lsb_dps), "deg/s"),
+        ("one code of V_q, as quadrature", _six_digits(effects.v_q_lsb_dps), "deg/s"),
+        ("noise at the converter by its step", _six_digits(effects.dither), "rms steps"),
     ]
     range_rows = [(r.what, f"{r.value:.4g}", f"{r.limit:.4g}", r.unit, f"{100 * r.share:.0f} %") for r in result.ranges]
     plan = [
@@ -119,8 +119,8 @@ def as_json(result):
         "simulated": result.simulated._asdict() if result.simulated else None,
         "rounding": {k: float(v) for k, v in result.rest._asdict().items()},
         "start_up": {"nominal": result.nominal._asdict(), "slowest": result.slowest._asdict()},
-        "ranges": [{**r._asdict(), "is_satisfied": r.is_satisfied} for r in result.ranges],
-        "plan": [{**m._asdict(), "is_satisfied": m.is_satisfied} for m in result.plan],
+        "ranges": [{**r._asdict(), "kept": r.is_satisfied} for r in result.ranges],
+        "plan": [{**m._asdict(), "kept": m.is_satisfied} for m in result.plan],
         "warnings": list(result.warnings),
     }
 

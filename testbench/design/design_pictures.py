@@ -8,7 +8,7 @@ from testbench.paper.loop import loop_pictures
 
 
 def margins(margin_map, design_point):
-    """Gain and phase margin of a `MarginMap` side by side; `here` is (bandwidth, split) of the design."""
+    """Gain and phase margin of a `MarginMap` side by side; `design_point` is (bandwidth, split) of the design."""
     figure, axes = make_axes("Margins of the best rate loop", 5.2, 1, 2)
     panels = ((margin_map.gain_db, "gain margin (dB)", 20), (margin_map.phase_deg, "phase margin (deg)", 90))
     for axis, (values, label, top) in zip(axes[0], panels):

@@ -205,12 +205,11 @@ def _why(draft, bands, tolerances, limits):
     """Line for a bandwidth that no rate loop reaches: what is possible, and which constraint stops it."""
     target, config = draft.target, draft.config
     split = abs(config.nominal.fx_hz - config.nominal.fy_hz)
-    bandwidth_hz = target.bandwidth_hz
+    hz = target.bandwidth_hz
     most = rate_loop.most(bands, limits)
     if target.keep_sid:
         return (
-            f"target.bandwidth_hz = {bandwidth_hz:g} Hz does not go with nominal.sid_c_f = "
-            f"{config.nominal.sid_c_f:g} F, "
+            f"target.bandwidth_hz = {hz:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, "
             f"which allows at most {most:.3g} Hz; keep_sid = false lets the design choose it"
         )
     if not most:
@@ -219,22 +218,18 @@ def _why(draft, bands, tolerances, limits):
             f"{limits.peak_db:g} dB within the tolerances of [nominal], with a split of {split:.4g} Hz; smaller "
             "tolerances or a smaller modulus_margin would do"
         )
-    if bandwidth_hz <= most:
+    if hz <= most:
         return (
-            f"target.bandwidth_hz = {bandwidth_hz:g} Hz is below what keeps a modulus margin of "
-            f"{limits.modulus:g}, although "
+            f"target.bandwidth_hz = {hz:g} Hz is below what keeps a modulus margin of {limits.modulus:g}, although "
             f"{most:.3g} Hz does; another bandwidth, or a lower modulus_margin"
         )
-    text = (
-        f"target.bandwidth_hz = {bandwidth_hz:g} Hz is above {most:.3g} Hz, the most that a rate loop of this "
-        "board allows"
-    )
+    text = f"target.bandwidth_hz = {hz:g} Hz is above {most:.3g} Hz, the most that a rate loop of this board allows"
     for by in WIDER:
-        by *= bandwidth_hz / most
+        by *= hz / most
         other = changed(
             config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)}
         )
-        if rate_loop.choose(other, rate_loop.boards(other, tolerances, bandwidth_hz), bandwidth_hz, limits):
+        if rate_loop.choose(other, rate_loop.boards(other, tolerances, hz), hz, limits):
             need = f"{by * split:.3g} Hz would do"
             return f"{text}: the split fx_hz - fy_hz of {split:.4g} Hz of [nominal] is the constraint; {need}"
     return f"{text}: the delay of the converter's frames is the constraint"

@@ -51,9 +51,7 @@ class MarginMap(NamedTuple):
 def margin_map(config, bandwidths_hz, splits_hz, limits, progress=None):
     """`MarginMap` of a board with other splits: each cell is designed, SID capacitor included."""
     shape = len(splits_hz), len(bandwidths_hz)
-    margin_grid = MarginMap(
-        np.asarray(bandwidths_hz), np.asarray(splits_hz), np.full(shape, np.nan), np.full(shape, np.nan)
-    )
+    out = MarginMap(np.asarray(bandwidths_hz), np.asarray(splits_hz), np.full(shape, np.nan), np.full(shape, np.nan))
     sign = math.copysign(1.0, config.nominal.fx_hz - config.nominal.fy_hz)
     for row, split in enumerate(splits_hz):
         other = changed(config, {"nominal.fy_hz": float(config.nominal.fx_hz - sign * split)})
@@ -63,7 +61,7 @@ def margin_map(config, bandwidths_hz, splits_hz, limits, progress=None):
             m = next((m for m in ranked if rate_loop.is_stable(m.board.nominal, m.gain, m.zero_hz)), None)
             if m is not None:
                 at = margins(m.board.nominal, m.zero_hz, m.gain)
-                margin_grid.gain_db[row, column], margin_grid.phase_deg[row, column] = at
+                out.gain_db[row, column], out.phase_deg[row, column] = at
         if progress:
             progress("margins over bandwidth and split", row + 1, len(splits_hz))
-    return margin_grid
+    return out

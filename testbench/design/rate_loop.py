@@ -73,7 +73,7 @@ class Opened(NamedTuple):
     word: np.ndarray  # P, code per word
     rate: np.ndarray  # D, code per rad/s
     rest: float
-    p: object  # the Parts
+    p: object  # the LoopParameters
     frame: object
 
 
@@ -137,7 +137,7 @@ def modulus(o, c, gain):
 
 
 def with_gains(p, gain, zero_hz):
-    """Parts with a PI of this integral gain (word per code and second, without its sign) and zero (Hz)."""
+    """LoopParameters with a PI of this integral gain (word per code and second, without its sign) and zero (Hz)."""
     gain = math.copysign(gain, p.word_ki)
     return p._replace(word_ki=gain * p.frame_s, word_kp=gain / (2 * math.pi * zero_hz))
 

@@ -96,7 +96,7 @@ _RECENT_SETUPS = _RecentSetups()
 
 
 def prepare(p, existing_setup=None):
-    """(Setup, Slow) of engine.Params, made once while few take turns; `made`: a Setup that is at hand.
+    """(Setup, Slow) of engine.Params, made once while few take turns; `existing_setup`: a Setup that is at hand.
 
     ConfigError outside the averaged plant's validity.
     """

@@ -69,7 +69,7 @@ class Setup(NamedTuple):
     frame_samples: float
 
 
-def _raise_unsupported(key, text):
+def _reject(key, text):
     raise ConfigError(f'{key}: {text}; scenario.engine = "baseband" cannot run it, "frame" can')
 
 
@@ -87,49 +87,41 @@ def check(p):
     """ConfigError for what is outside the validity of the averaged plant; engine.Params."""
     a, t, d = p.plant, p.plant.tables, p.fpga.design
     if p.fpga.digital:
-        _raise_unsupported('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
+        _reject('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
     if p.fpga.paths is not None:
-        _raise_unsupported("firmware.*_sine_registers, *_code_registers", "they are not 0, their only value here")
+        _reject("firmware.*_sine_registers, *_code_registers", "they are not 0, their only value here")
     if a.adc.period * a.adc.decimation != d.frame_ticks * a.adc.tick_units:
-        _raise_unsupported(
-            "firmware.adc_clock, plant.adc_decimation", f"a conversion is not one frame of {1e6 / d.frame_hz:g} us"
-        )
+        _reject("firmware.adc_clock, plant.adc_decimation", f"a conversion is not one frame of {1e6 / d.frame_hz:g} us")
     for name, part, levels in (("drive", a.drive_dac, a.drive_levels), ("sense", a.sense_dac, a.sense_levels)):
         for field, value in (("bow", part.bow), ("glitch_v_s", part.glitch_v_s)):
             if value:
-                _raise_unsupported(f"plant.{name}_dac_{field}", f"{value:g} is not 0")
+                _reject(f"plant.{name}_dac_{field}", f"{value:g} is not 0")
         if levels.on:
-            _raise_unsupported(
+            _reject(
                 f"effects.{name}_dac_levels",
                 "it is not [], its only value here: a level's error needs the code of every tick",
             )
     for field in ("turnover", "gain_tc_per_k", "memory", "curve"):
         largest = max(map(abs, getattr(a.adc, field)))
         if largest:
-            _raise_unsupported(
-                f"effects.adc_{field}", f"{largest:g} is not 0, the only value of the averaged plant's converter"
-            )
+            _reject(f"effects.adc_{field}", f"{largest:g} is not 0, the only value of the averaged plant's converter")
     if (a.switch_tau_s[0] != a.switch_tau_s[1]).any():
-        _raise_unsupported(
-            "plant.sid_fall_s", "it is not 0, its only value here: both edges of a reference must act alike"
-        )
+        _reject("plant.sid_fall_s", "it is not 0, its only value here: both edges of a reference must act alike")
     jitter = a.noise.edge_jitter
     if jitter.on and jitter.sigma > JITTER_LIMIT_S:
-        _raise_unsupported(
-            "plant.clock_jitter_s", f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, what may be left out"
-        )
+        _reject("plant.clock_jitter_s", f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, what may be left out")
     (fx, wide_x), (fy, wide_y) = _mode_hz(t, 0), _mode_hz(t, 2)
     lo, hi = drive_hz(d, _valid(p) + SLOT_WORD + 1)
     if not lo <= fx <= hi:
-        _raise_unsupported("plant.fx_hz", f"{fx:g} Hz is outside {lo:g} .. {hi:g} Hz")
+        _reject("plant.fx_hz", f"{fx:g} Hz is outside {lo:g} .. {hi:g} Hz")
     if not abs(fy - fx) <= SPLIT * d.frame_hz:
-        _raise_unsupported("plant.fy_hz", f"{fy:g} Hz is more than {SPLIT * d.frame_hz:g} Hz from the drive mode")
+        _reject("plant.fy_hz", f"{fy:g} Hz is more than {SPLIT * d.frame_hz:g} Hz from the drive mode")
     for key, wide in (("plant.qx", wide_x), ("plant.qy", wide_y)):
         if not wide <= RING * d.frame_hz:
-            _raise_unsupported(key, f"a half width of {wide:g} Hz is above {RING * d.frame_hz:g} Hz")
+            _reject(key, f"a half width of {wide:g} Hz is above {RING * d.frame_hz:g} Hz")
     corner, limit = 1 / (4 * math.pi * float(t.sid_rc_s[0])), min(CORNER * d.frame_hz, CORNER_PART * fx)
     if not corner <= limit:
-        _raise_unsupported("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {limit:g} Hz")
+        _reject("plant.sid_r_ohm, plant.sid_c_f", f"a corner of {corner:g} Hz is above {limit:g} Hz")
 
 
 def drive_hz(d, turn_clock):
@@ -146,7 +138,7 @@ def _valid(p):
     # the last load of V_q of the frame takes what the window has left
     loaded = p.fpga.design.tick_clocks * last_load_tick(p.fpga)
     if not 0 < valid < min(clocks - 2 * rates.SLOTS, loaded - rates.SLOTS):
-        _raise_unsupported("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
+        _reject("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
     return valid
 
 

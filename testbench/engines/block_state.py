@@ -1,7 +1,7 @@
 """State of one gyroscope between two blocks, and the firmware's work before and after the plant's ticks.
 
     ticks_to_event   ticks until the next event
-    before_ticks     words, DAC codes and reference edges of these ticks (`play`, then `words_of_ticks`)
+    before_ticks     words, DAC codes and reference edges of these ticks (`advance_control`, then `words_of_ticks`)
     after_ticks      frames that the converter has completed, and the one that it begins
 
     8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY: the events; ticks in between are blocks
@@ -157,7 +157,7 @@ def codes_at(p, g, tick):
 
 @inner
 def _loaded(p, s, tick, window_ticks, n):
-    """Code of V_q's DAC at the frame's end, after ticks `known` .. `n` - 1 of a block outside of a window."""
+    """Code of V_q's DAC at the frame's end, after ticks `window_ticks` .. `n` - 1 of a block outside of a window."""
     first = tick % p.design.frame_ticks  # a block ends with the frame
     # the low bits of a tick in which V_q is sent are all ones
     due = (first + window_ticks) | rates.quadrature_mask(p.design, p.quadrature_fast)
@@ -212,17 +212,15 @@ def advance_control(p, g, tick, n, sar, b):
             window_at = at + DUMP_CLOCKS
     elif g.valid < at + p.design.tick_clocks:
         window_at = g.valid
-    s, window_ticks = window.advance_window(
-        p, s, sid, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b
-    )
-    return s, sid, window_ticks
+    s, ticks = window.advance_window(p, s, sid, g.channels, g.coming, g.falls, g.ok, g.new_ok, window_at, tick, n, b)
+    return s, sid, ticks
 
 
 @inner
 def before_ticks(p, rom, g, faults, tick, n, sar, drive_codes, sense_codes, b):
     """`n` ticks from `tick` on, up to the plant: what is carried, and the number of reference edges.
 
-    sar  as for `played`. Mutates both codes (those at the end of each tick) and `b`
+    sar  as for `advance_control`. Mutates both codes (those at the end of each tick) and `b`
     """
     s, sid, window_ticks = g.s, g.sid, 0
     if await_frame(p, g, tick):
@@ -232,7 +230,7 @@ def before_ticks(p, rom, g, faults, tick, n, sar, drive_codes, sense_codes, b):
 
 @inner
 def words_of_ticks(p, rom, g, s, sid, window_ticks, faults, tick, n, drive_codes, sense_codes, b):
-    """The second half of `ahead`: what the pins show, of the 8 kHz side `s`, whose first `known` ticks are in `b`."""
+    """The second half of `before_ticks`: what the pins show of the 8 kHz side `s`; `b` has its `window_ticks`."""
     amplitude, rate = control.amplitude(p.control, s.control), s.control.rate_loop.loop.y
     init = sequencer.outputs(s.control.sequencer).dac_init
     for k in range(n):

@@ -5,7 +5,7 @@
     events         8 kHz window (a valid ADC frame, or stale at ce_8k), frame boundary, DRDY; blocks of ticks in between
 
     for each block:  block_state.before_ticks  words of its ticks, DAC codes, reference edges
-                     plant.block               the same step that the clocked engine calls with one tick
+                     plant.advance_ticks       the same step that the clocked engine calls with one tick
                      block_state.after_ticks   frames that the converter has completed
     chunk          clocked ticks to a quiet one | blocks | FLUSH clocked ticks without plant | clocked ticks to the end
 

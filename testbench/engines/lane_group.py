@@ -1,10 +1,10 @@
 """Eight gyroscopes in arrays, and the compiled loop that moves them from event to event; see lanes.py.
 
     blocks of all eight   up to the nearest event of any of them     block_state.ticks_to_event
-        each              words, codes, edges                        block_state.play, words_of_ticks
-        all together      plants, converters                         side_by_side_top.block, side_by_side_adc.block
+        each              words, codes, edges                        block_state.advance_control, words_of_ticks
+        all together      plants, converters                         side_by_side_top.advance_lanes, _converted
         each              frames that the converter has completed    block_state.after_ticks
-    before and after      clocked ticks, gyroscope by gyroscope      frame.enter, frame.leave
+    before and after      clocked ticks, gyroscope by gyroscope      frame.enter_block_mode, exit_block_mode
 
 Source    docs/architecture.md, docs/decisions/0012-lanes.md
 """
@@ -275,7 +275,7 @@ def _load_registers(part, parts_i, parts_f, floats, ints, c, k):
 
 @outlined
 def _unload_registers(floats, ints, k):
-    """A gyroscope leaves: the reverse of `_joined`. Mutates both arrays."""
+    """A gyroscope leaves: the reverse of `_load_registers`. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     for i in range(plant.STATES):
         q.z[k, i] = v.z[i * LANES + k]
@@ -343,7 +343,7 @@ def _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n):
 
 @outlined
 def _converted(part, parts_i, parts_f, floats, ints, n):
-    """All converters over a block of `n` ticks: what adc.block returns is left in `fell`. Mutates both arrays."""
+    """All converters over a block of `n` ticks: adc.convert_block's result is in `fell`. Mutates both arrays."""
     v, a, q = side_by_side.opened(floats, ints), side_by_side_adc.opened(floats, ints), opened(floats, ints)
     first = LANES
     for k in range(LANES):

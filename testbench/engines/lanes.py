@@ -1,11 +1,11 @@
 """Lanes engine: gyroscopes side by side, eight in the registers of one core, with the bits of the frame engine.
 
-    for each gyroscope    clocked ticks to its first quiet one                  frame.enter
-    blocks of all eight   up to the nearest event of any of them                block_state.ticks_to_event
-        each              words, codes, edges                                   block_state.play, words_of_ticks
-        all together      plants, converters                                    side_by_side_top.block
-        each              frames that the converter has completed               block_state.after_ticks
-    for each gyroscope    from its last quiet tick: flush, clocked ticks to the end    frame.leave
+    for each gyroscope    clocked ticks to its first quiet one            frame.enter_block_mode
+    blocks of all eight   up to the nearest event of any of them          block_state.ticks_to_event
+        each              words, codes, edges                             block_state.advance_control, words_of_ticks
+        all together      plants, converters                              side_by_side_top.advance_lanes
+        each              frames that the converter has completed         block_state.after_ticks
+    for each gyroscope    from the last quiet one: flush, clocked ticks   frame.exit_block_mode
 
 Nothing of a gyroscope depends on which others stand beside it. Each has its own parameters, registers, profiles, noise
 and effects; each enters and leaves by itself, so that their converters need not run in step.

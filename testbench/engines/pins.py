@@ -1,6 +1,6 @@
 """What the firmware puts on its pins in a block of ticks, in closed form: DAC codes and reference edges.
 
-    DAC codes        sine.at and modulator.at of phase(26 k - pipeline), one per tick
+    DAC codes        sine.phase_sine and modulator.dac_code of phase(26 k - pipeline), one per tick
     reference edges  one division per quarter turn; on the 1 MHz grid if they are re-timed
 
 Source    docs/architecture.md, docs/blocks/references.md, docs/blocks/modulator.md

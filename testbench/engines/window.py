@@ -3,7 +3,7 @@
     DRDY ---- read of the ADC, word by word ---- valid ---- slots 1 .. SLOTS ---- rest
                                                    ^ or the watchdog's stale, at ce_8k
 
-`play` walks a window tick by tick and leaves what the DACs take from it; `receive` returns what a read has brought.
+`advance_window` walks it tick by tick and leaves what the DACs take from it; `receive` returns what a read has brought.
 Source    docs/architecture.md, docs/blocks/control.md
 """
 
@@ -190,7 +190,7 @@ def advance_window(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
 
 @outlined
 def _advance_by_edge(p, s, sid, old, new, ready, ok, new_ok, valid, tick, n, b):
-    """As `play`, for any window, edge by edge."""
+    """As `advance_window`, for any window, edge by edge."""
     clocks, frame_ticks, last = p.design.tick_clocks, p.design.frame_ticks, last_load_tick(p)
     _, sense_load = path_clocks.loads(p.paths)
     for k in range(n):

@@ -43,7 +43,7 @@ def _attributes(v, version):
         yield "initial", "calculated"
 
 
-def _xml_attributes(pairs):
+def _xml(pairs):
     return " ".join(f"{name}={quoteattr(str(value))}" for name, value in pairs)
 
 
@@ -55,7 +55,7 @@ def _variable_3(first, v):
         pairs.append(("start", " ".join([_value(v.kind, v.start)] * v.size)))
     size = f'<Dimension start="{v.size}"/>' if v.size > 1 else ""
     name = TYPES["3.0"][v.kind]
-    return f"<{name} {_xml_attributes(pairs)}>{size}</{name}>" if size else f"<{name} {_xml_attributes(pairs)}/>"
+    return f"<{name} {_xml(pairs)}>{size}</{name}>" if size else f"<{name} {_xml(pairs)}/>"
 
 
 def _variables_2(first, v):
@@ -67,10 +67,7 @@ def _variables_2(first, v):
         inner = [("start", _value(REAL if v.kind == INT64 else v.kind, v.start))] if v.causality == INPUT else []
         inner += [("unit", v.unit)] if v.unit else []
         kind = TYPES["2.0"][v.kind]
-        yield (
-            "<ScalarVariable "
-            f"{_xml_attributes(pairs)}><{kind}{' ' if inner else ''}{_xml_attributes(inner)}/></ScalarVariable>"
-        )
+        yield f"<ScalarVariable {_xml(pairs)}><{kind}{' ' if inner else ''}{_xml(inner)}/></ScalarVariable>"
 
 
 def _structure_3(variables):
@@ -94,24 +91,17 @@ def model(version, name, text, token, variables, sources, tick_hz):
     can = f'modelIdentifier="gyro_{name}" {STATES[version]} canHandleVariableCommunicationStepSize="false"'
     if version == "3.0":
         can = f'<CoSimulation {can} hasEventMode="false" fixedInternalStepSize="{step}"/>'
-        variable_lines = [_variable_3(first, v) for first, v in numbered(variables)]
+        body = [_variable_3(first, v) for first, v in numbered(variables)]
         structure = _structure_3(variables)
     else:
         files = "".join(f"<File name={quoteattr(file)}/>" for file in sources)
         can = f"<CoSimulation {can}><SourceFiles>{files}</SourceFiles></CoSimulation>"
-        variable_lines = [line for first, v in numbered(variables) for line in _variables_2(first, v)]
+        body = [line for first, v in numbered(variables) for line in _variables_2(first, v)]
         structure = _structure_2(variables)
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<fmiModelDescription {_xml_attributes(head)}>", can]
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<fmiModelDescription {_xml(head)}>", can]
     lines += ["<UnitDefinitions>", *UNITS, "</UnitDefinitions>"]
     lines += [f'<DefaultExperiment startTime="0.0" stopTime="0.001" stepSize="{step}"/>']
-    lines += [
-        "<ModelVariables>",
-        *variable_lines,
-        "</ModelVariables>",
-        "<ModelStructure>",
-        *structure,
-        "</ModelStructure>",
-    ]
+    lines += ["<ModelVariables>", *body, "</ModelVariables>", "<ModelStructure>", *structure, "</ModelStructure>"]
     return "\n".join([*lines, "</fmiModelDescription>", ""])
 
 

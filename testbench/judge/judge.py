@@ -68,13 +68,13 @@ class Row(NamedTuple):
         return worst(self.parts) or next(iter(self.parts), None)
 
 
-def _model_value(model, case, temp_degc, symbol):
+def _value(model, case, temp_degc, symbol):
     return model.points.get((case, temp_degc), {}).get(NAME_OF[symbol])
 
 
 def _mean(model, symbol, temp_degc, cases=CASES):
     """(`Value` of the mean over cases, standard deviation between them), or (None, None)."""
-    values = [_model_value(model, case, temp_degc, symbol) for case in cases]
+    values = [_value(model, case, temp_degc, symbol) for case in cases]
     if None in values:
         return None, None
     mean = sum(v.value for v in values) / len(values)
@@ -88,7 +88,7 @@ def _less(a, b):
 
 def relative_change(model, symbol, pair, temp_degc):
     """abs(after - before) / abs(before) of a quantity between two cases as a `Value`; None if one is not there."""
-    before, after = (_model_value(model, case, temp_degc, symbol) for case in pair)
+    before, after = (_value(model, case, temp_degc, symbol) for case in pair)
     if before is None or after is None or not before.value:
         return None
     scale = abs(before.value)
@@ -124,9 +124,7 @@ def _residual_parts(number, model, rows):
 
 def _bandwidth_parts(number, model, rows):
     cases = [c for c in "12345" if c in number.case]
-    return [
-        Part(f"case {c}", number.values[0], None, _model_value(model, c, ROOM_DEGC, "BW"), number.bound) for c in cases
-    ]
+    return [Part(f"case {c}", number.values[0], None, _value(model, c, ROOM_DEGC, "BW"), number.bound) for c in cases]
 
 
 def _pair(number):
@@ -187,7 +185,7 @@ def _rise_parts(number, model, rows):
 def _fall_parts(number, model, rows):
     parts = []
     for pair in (("1", "2"), ("2", "3")):
-        before, after = (_model_value(model, case, ROOM_DEGC, "Ad") for case in pair)
+        before, after = (_value(model, case, ROOM_DEGC, "Ad") for case in pair)
         parts.append(Part(f"A_d (V), case {pair[1]} less {pair[0]}", 0.0, None, _less(after, before), number.bound))
     return parts
 
@@ -195,11 +193,10 @@ def _fall_parts(number, model, rows):
 def _setting_parts(number, model, rows):
     have, bound = model.settings.get(number.quantity), number.bound
     have = have or model.settings.get(f"{number.quantity}, {number.symbol}")
-    model_values = have if have and len(have) == len(number.values) else (None,) * len(number.values)
-    sigma = 0.0 if len(model_values) > 1 else number.sigma
+    values = have if have and len(have) == len(number.values) else (None,) * len(number.values)
+    sigma = 0.0 if len(values) > 1 else number.sigma
     return [
-        Part("setting", paper, sigma, None if v is None else Value(v), bound)
-        for paper, v in zip(number.values, model_values)
+        Part("setting", paper, sigma, None if v is None else Value(v), bound) for paper, v in zip(number.values, values)
     ]
 
 

@@ -1,10 +1,10 @@
 """What phase errors do to the running gyroscope: scale factor over ye1 and ye2, drive loop over xe1, V_q's rail, noise.
 
-    scale_law   K from rates +-100 deg/s, words chosen so that ye1 is left at each angle; K(0) cos(..) = K
-    sense_law   K over ye1 at three ye2 (the paper's Fig. 6a)
-    drive_law   frequency, A_d, V_q and rate word over xe1 at the rate and sense phases of the paper's Fig. 2b, c
-    rail_law    nonlinearity of cases 1 to 3 where V_q has more span
-    noise_of    angle random walk of one set: one source on at a time, all, each one off
+    scale_law      K from rates +-100 deg/s, words chosen so that ye1 is left at each angle; K(0) cos(..) = K
+    sense_law      K over ye1 at three ye2 (the paper's Fig. 6a)
+    drive_law      frequency, A_d, V_q and rate word over xe1 at the rate and sense phases of the paper's Fig. 2b, c
+    rail_law       nonlinearity of cases 1 to 3 where V_q has more span
+    measure_noise  angle random walk of one set: one source on at a time, all, each one off
 
 Truth phases come from `bench.Judge`.
 Source    docs/paper.md
@@ -147,17 +147,16 @@ def derived_noise(config):
     loop = loops.close(p)
     density = sensitivity.density_dps(p, loop)
     rounding = ("adc_rounding", "dac_rounding", "v_q_rounding")
-    source_terms = dict.fromkeys(("none", NOT_RETIMED), rounding)
-    source_terms |= {s: (s, *rounding) for s in ("thermomechanical", "cv", "adc", "dac")}
+    terms = dict.fromkeys(("none", NOT_RETIMED), rounding)
+    terms |= {s: (s, *rounding) for s in ("thermomechanical", "cv", "adc", "dac")}
     out = {
         source: {"arw_deg_per_rt_h": 60 / math.sqrt(2) * math.hypot(*(density[n] for n in names))}
-        for source, names in source_terms.items()
+        for source, names in terms.items()
     }
     out["all"] = {"arw_deg_per_rt_h": sensitivity.arw_deg_per_rth(p, loop)}
     floor = {"instability_deg_per_h": derived.instability_deg_per_h(p, loop)}
     return {
-        name: out.get(name, {}) | (floor if name in ("all", "flicker") else {})
-        for name in ("all", *source_terms, *SOURCES)
+        name: out.get(name, {}) | (floor if name in ("all", "flicker") else {}) for name in ("all", *terms, *SOURCES)
     }
 
 

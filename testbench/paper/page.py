@@ -74,7 +74,7 @@ def predicted(rows):
     return f"Predicted, that is neither put in nor fitted, and met: {quantity_names}."
 
 
-def _case_picture(points, names, *rest):
+def _cases(points, names, *rest):
     return opening.cases(points, [c for c in names if any(k[0] == c for k in points)], *rest)
 
 
@@ -85,19 +85,17 @@ def pictures(study, parts):
     phases = printed_phases() if config.is_paper_board else {}
     yield opening.waterfall(budget(closed_form.bare(config), 25.0), phases)
     title = "Five cases beside the paper"
-    yield _case_picture(points, ("1", "2", "3", "4", "5"), means, title, BESIDE, "cases_beside_the_paper")
+    yield _cases(points, ("1", "2", "3", "4", "5"), means, title, BESIDE, "cases_beside_the_paper")
     yield drive.drive_errors(laws["drive"], config)
     if records:
         yield drive.phase_record(records, ("xe1", "xe2"), 3)
-    yield _case_picture(points, three, means, "Fig. 4  Cases 1 to 3 over temperature", DRIVE, "fig_4_cases_1_to_3")
+    yield _cases(points, three, means, "Fig. 4  Cases 1 to 3 over temperature", DRIVE, "fig_4_cases_1_to_3")
     yield sense.transfer_functions(last)
     yield sense.scale_by_phases(laws["sense"])
     yield sense.sense_errors(last)
     if records:
         yield drive.phase_record(records, ("ye1", "ye2"), 7)
-    yield _case_picture(
-        points, ("3", "4", "5"), {}, "Fig. 8  Cases 3 to 5 over temperature", SENSE, "fig_8_cases_3_to_5"
-    )
+    yield _cases(points, ("3", "4", "5"), {}, "Fig. 8  Cases 3 to 5 over temperature", SENSE, "fig_8_cases_3_to_5")
     yield sense.response(points, last)
     yield performance.scale_residuals(points, measure_scale.RATES_DPS)
     if parts["explained"]:

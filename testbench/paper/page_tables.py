@@ -181,17 +181,13 @@ def response_table(differences):
 
 
 def temperature_table(config):
-    limits_by_node = temperature.drift_limits_k(config)
+    limits = temperature.drift_limits_k(config)
     grid = temperature.phases(config, (-20.0, 25.0, 50.0))
     rows = [
-        (
-            node,
-            *(f"{v:.4f}" for v in grid[node]),
-            *("beyond 80" if math.isinf(k) else f"{k:g}" for k in limits_by_node[node]),
-        )
+        (node, *(f"{v:.4f}" for v in grid[node]), *("beyond 80" if math.isinf(k) else f"{k:g}" for k in limits[node]))
         for node in NODES
     ]
-    band = min(k for limits in limits_by_node.values() for k in limits)
+    band = min(k for pair in limits.values() for k in pair)
     after = temperature.rise_after_s(record_phases.SELF_HEATING_K, config.plant.warm_up_tau_s, band)
     return Table(
         "Phases over temperature, and how far a calibration holds",

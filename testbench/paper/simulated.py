@@ -40,17 +40,12 @@ def residual_phases_deg(config, calibration, words, temp_degc):
 
     They are those that were found at 25 degC with the words of case 1, and drift by the parts' laws.
     """
-    readings_deg, begin = calibration["found_deg"], calibration["cases_deg"]["1"]
-    drift = {
-        n: end_deg - start_deg for n, (start_deg, end_deg) in temperature.phases(config, (25.0, temp_degc)).items()
-    }
-    word_change = {n: words[REGISTER[n]] - begin[REGISTER[n]] for n in NODES}
-    residuals = {
-        n: readings_deg[n] + drift[n] + (word_change[n] if n.endswith("2") else -word_change[n])
-        for n in ("xe2", "ye1", "ye2")
-    }
+    node, begin = calibration["found_deg"], calibration["cases_deg"]["1"]
+    drift = {n: end - start for n, (start, end) in temperature.phases(config, (25.0, temp_degc)).items()}
+    change = {n: words[REGISTER[n]] - begin[REGISTER[n]] for n in NODES}
+    out = {n: node[n] + drift[n] + (change[n] if n.endswith("2") else -change[n]) for n in ("xe2", "ye1", "ye2")}
     lead_deg = mode_lead_deg(thermal.device_at_temperature(config.device(), temp_degc))
-    return residuals | {"ye2": residuals["ye2"] - lead_deg}
+    return out | {"ye2": out["ye2"] - lead_deg}
 
 
 def _stated_sigma(point, name):
@@ -90,12 +85,8 @@ def with_closed_forms(config, simulated):
 
 def model(config, calibration, study_points, records):
     """`Model` of a study: its calibration, its points, its records; the rest is in closed form."""
-    residuals = {
-        n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES
-    }
-    simulated = Model(
-        SOURCE, node_deg(config, calibration), residuals, excursion_deg(records), points=points(study_points)
-    )
+    error = {n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES}
+    simulated = Model(SOURCE, node_deg(config, calibration), error, excursion_deg(records), points=points(study_points))
     return with_closed_forms(config, simulated)
 
 

@@ -67,7 +67,7 @@ def _sha256(result):
 
 
 def _read_stage(path, digest):
-    """`Kept` stage made from `digest`; None if there is none, or if it is damaged: then it is done again."""
+    """`StageFile` made from `digest`; None if there is none, or if it is damaged: then it is done again."""
     try:
         stage = inputs.read_json(path, StageFile, inputs.most_bytes())
         return stage if stage.made_from == digest and stage.sha256 == _sha256(stage.result) else None

@@ -1,7 +1,7 @@
 """A shared library (or a Python file) that is the plant: found, hashed, loaded, asked for its version and its keys.
 
     .so, .dll, .dylib   exports the functions of gyro_plant.h
-    .py                 is executed: KEYS (text), create(configuration, own) -> array, and objects of numba.cfunc named
+    .py                 is executed: KEYS (text), create(configuration, file) -> array, and objects of numba.cfunc named
                         reset and step; the array's memory is the plant, and all of its state
 
 What was hashed is what runs: its bytes are loaded from a private copy, whatever becomes of the file meanwhile.

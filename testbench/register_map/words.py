@@ -93,13 +93,13 @@ def _fields(register, low_bit, width):
 
 def words(register_map=MAP):
     """Every `Word` of registers, by address."""
-    word_list = []
+    out = []
     for r in register_map:
         name, address = r.name.upper(), r.address * BYTES_PER_ADDRESS
         high = r.fmt.width - WORD_BITS
         if high <= 0:
-            word_list.append(Word(name, address, r, 0, "", _fields(r, 0, r.fmt.width)))
+            out.append(Word(name, address, r, 0, "", _fields(r, 0, r.fmt.width)))
             continue
-        word_list.append(Word(f"{name}_LO", address, r, 0, "LO", _fields(r, 0, WORD_BITS)))
-        word_list.append(Word(f"{name}_HI", address + WORD_BYTES, r, WORD_BITS, "HI", _fields(r, WORD_BITS, high)))
-    return tuple(sorted(word_list, key=lambda word: word.address))
+        out.append(Word(f"{name}_LO", address, r, 0, "LO", _fields(r, 0, WORD_BITS)))
+        out.append(Word(f"{name}_HI", address + WORD_BYTES, r, WORD_BITS, "HI", _fields(r, WORD_BITS, high)))
+    return tuple(sorted(out, key=lambda word: word.address))

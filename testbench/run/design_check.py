@@ -40,12 +40,11 @@ def _frame(d, role):
                 raise ConfigError(f'design.{key} = {getattr(d, key)} needs design.{dac} = "generic"')
         return
     bits = getattr(d, f"{dac}_bits", chips.QUADRATURE_BITS)
-    tail, frame_bits, command = (getattr(d, f"{dac}_{key}") for key in ("tail_bits", "frame_bits", "command"))
-    frame, most = frame_bits or bits + tail, spi_dac.WORD.width
+    tail, width, command = (getattr(d, f"{dac}_{key}") for key in ("tail_bits", "frame_bits", "command"))
+    frame, most = width or bits + tail, spi_dac.WORD.width
     if not bits + tail <= frame <= most:
         raise ConfigError(
-            f"design.{dac}_frame_bits = {frame_bits} bits: code and tail take {bits + tail} bits, and {most} is "
-            "the limit"
+            f"design.{dac}_frame_bits = {width} bits: code and tail take {bits + tail} bits, and {most} is the limit"
         )
     if command >> (frame - bits - tail):
         raise ConfigError(
@@ -60,10 +59,9 @@ def _serial(d, role, ticks):
     chip, divider = getattr(chips.design_chips(d), role), getattr(d, f"{role}_dac_divider")
     text = f"the {'V_q' if role == 'quadrature' else role} DAC {chip.name}"
     if d.master_hz > divider * chip.most_hz:
-        bits, divider_text = chip.master.bits, f" / {role}_dac_divider = {divider}" if divider > 1 else ""
+        bits, ratio = chip.master.bits, f" / {role}_dac_divider = {divider}" if divider > 1 else ""
         raise ConfigError(
-            f"design.master_hz = {d.master_hz} Hz{divider_text} is above {chip.most_hz} Hz, the SCLK limit of "
-            f"{text}: its "
+            f"design.master_hz = {d.master_hz} Hz{ratio} is above {chip.most_hz} Hz, the SCLK limit of {text}: its "
             f"{bits} bits take {1e9 * bits / chip.most_hz:.0f} ns or more"
         )
     if 2 * d.master_hz * chip.high_s > 1:

@@ -137,7 +137,7 @@ def fit_samples(theta_turns, nodes, free_turns=None):
 
 
 def fit(theta_turns, samples, free_turns=None):
-    """`fits` of a single node."""
+    """`fit_samples` of a single node."""
     return fit_samples(theta_turns, [samples], free_turns)[0]
 
 

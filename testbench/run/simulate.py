@@ -8,8 +8,8 @@
 These rates are smaller where the nominal board's range is, and times longer where its loops are slower (`pace`).
 
 The two segments are the diagnosis that a bench makes after its measurement; `[scenario] diagnose = false` omits them.
-Memory does not grow with the scenario: rows go to the disk, means to a tally. During the scenario checkpoints are
-written at ends of chunks, from which an interrupted run continues to the same bytes.
+Memory does not grow with the scenario: rows go to the disk, means to `RunStatistics`. During the scenario checkpoints
+are written at ends of chunks, from which an interrupted run continues to the same bytes.
 Source    docs/architecture.md, docs/phases.md, docs/record.md
 """
 

@@ -351,7 +351,7 @@ class Simulation:
         values["tick"] = self.state.tick
         values["drdy_cycle"] = self.state.drdy_cycle
         values["rise_k"] = self.rise_k
-        for name, item in _plant_fields(self.state.plant):
+        for name, item in _fields(self.state.plant):
             if hasattr(item, "_fields"):
                 values |= {f"plant.{name}.{k}": np.copy(v) for k, v in item._asdict().items()}
             else:
@@ -359,10 +359,8 @@ class Simulation:
         return values | (self.foreign.state() if self.foreign else {})
 
     def layout(self, excluded=()):
-        """Text that names the registers and arrays of a state, but for those `left_out`."""
-        arrays = [
-            f"{name}{np.shape(v)}" for part, item in _plant_fields(self.state.plant) for name, v in _leaves(part, item)
-        ]
+        """Text that names the registers and arrays of a state, but for those `excluded`."""
+        arrays = [f"{name}{np.shape(v)}" for part, item in _fields(self.state.plant) for name, v in _leaves(part, item)]
         register_names = [name for name in flatten.names(self.state.fpga) if name not in excluded]
         text = " ".join(register_names + flatten.names(self.state.chips) + arrays)
         return f"{STATE_FORMAT} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
@@ -417,7 +415,7 @@ class Simulation:
             raise ConfigError(f"state: lacks {missing[0]}; state_values() gives a whole one")
         values = self._with_added(values)
         plant = {}
-        for name, item in _plant_fields(self.state.plant):
+        for name, item in _fields(self.state.plant):
             if hasattr(item, "_fields"):
                 plant[name] = type(item)(**{k: np.array(values[f"plant.{name}.{k}"]) for k in item._fields})
             else:
@@ -477,7 +475,7 @@ def _lengthened(values, need):
     return np.concatenate([values, np.full(need - len(values), values[-1])], dtype=float)
 
 
-def _plant_fields(plant):
+def _fields(plant):
     """(name, array or record) of the plant's state, without its scratch."""
     return [(name, item) for name, item in plant._asdict().items() if name != SCRATCH]
 

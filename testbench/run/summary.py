@@ -104,13 +104,9 @@ def _derived(config, node_phases, temp_degc, clock_s):
     return added
 
 
-def _verdicts(config, node_phases):
+def _verdicts(config, node):
     """{node: verdict of the judge}; None for each node of another board."""
-    return (
-        phases.verdicts(node_phases.phase_deg, node_phases.sigma_deg)
-        if config.is_paper_board
-        else dict.fromkeys(phases.NODES)
-    )
+    return phases.verdicts(node.phase_deg, node.sigma_deg) if config.is_paper_board else dict.fromkeys(phases.NODES)
 
 
 def _loop_phases(readings, planned):

@@ -113,7 +113,7 @@ def _frame_child():
 
 @functools.cache
 def _turn():
-    """A lock that one process of a user holds; `shared_files.Held`, which says whose it is, if another one has it."""
+    """A lock that one process of a user holds; `shared_files.LockedError` says whose it is, if another one has it."""
     try:
         return shared_files.try_lock(cache_root() / "standby.lock")
     except shared_files.LockedError as held:

@@ -4,9 +4,9 @@
     PATH.part/new     what takes the place of PATH: by a rename, or for a folder by an exchange of both
 
 PATH.part is on the volume of PATH. This process makes it for its user alone, so no link of anybody else is in it.
-What is written `together` is renamed by a process of its own, which outlives a kill of this one: the old set stands, or
-the new one. A file system that cannot exchange (NFS) has the old folder renamed away first, in the same way. A file
-system without locks is taken as it is.
+What is written in `atomic_outputs` is renamed by a process of its own, which outlives a kill of this one: the old set
+stands, or the new one. A file system that cannot exchange (NFS) has the old folder renamed away first, in the same
+way. A file system without locks is taken as it is.
 A seal is the file's own SHA-256 behind its end: damage is found before a library reads it, which with HDF5 may take
 for ever on a damaged heap. `GuardedFile` is for HDF5 too, which leaves a file open for good when a write fails during
 close: it remembers the first failure, swallows what the library still writes, and lets the owner raise afterwards.
@@ -34,7 +34,7 @@ PATIENCE_S = 0.5  # `shared_files.is_locked` has a lock for a moment
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
 NO_EXCHANGE = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-# what is written in `together`, in order
+# what is written in `atomic_outputs`, in order
 _set = contextvars.ContextVar("stagings", default=None)
 RENAME = "import os, sys\nfor k in range(1, len(sys.argv), 2): os.replace(sys.argv[k], sys.argv[k + 1])"
 
@@ -132,7 +132,7 @@ class Staging:
                 item.unlink()
 
     def finish(self):
-        """Give what was made its name: now, or with all else of `together`."""
+        """Give what was made its name: now, or with all else of `atomic_outputs`."""
         if (joined := _set.get()) is None:
             publish(self)
             self.close()

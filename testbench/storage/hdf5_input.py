@@ -5,7 +5,7 @@
 
 Refused are soft, external and circular links, external storage, virtual datasets, filters other than FILTERS, more
 than MOST_OBJECTS objects or MOST_DEPTH levels, and contents larger than `inputs.expansion` allows. A file that was
-damaged since it was sealed is refused unread. One without a seal is first read in a process of its own (`trial`).
+damaged since it was sealed is refused unread. One without a seal is first read in its own process (`sandboxed_read`).
 Source  docs/inputs.md
 """
 

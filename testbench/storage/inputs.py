@@ -1,9 +1,9 @@
 """Every file that somebody hands over is opened here: regular files only, of a limited size, one line for each error.
 
-    opened     binary file object        read_bytes, read_text   contents
-    head       first bytes               read_lines              (number, line)
-    read_json  checked against a type    read_toml               a dictionary
-    parsing    what a library raises inside becomes one FileError
+    open_input  binary file object        read_bytes, read_text   contents
+    head        first bytes               read_lines              (number, line)
+    read_json   checked against a type    read_toml               a dictionary
+    parsing     what a library raises inside becomes one FileError
 
 A FIFO, a device or a directory is refused before anything is read, so that nothing waits and nothing is endless. Limits
 hold before reading; what expands (archives, HDF5, Parquet) is limited by `expansion` before it is unpacked.

@@ -63,13 +63,13 @@ def _read(file, findings):
     if schema != SCHEMA:
         findings.append(f"R01 / expected schema {SCHEMA}, found {schema}")
         return None
-    for location, key in (
+    for path, key in (
         *(("/", key) for key in ("provenance", "config_toml", "versions", "attributes", "content_sha256")),
         *(("clock", key) for key in ("f_xtal_nominal_Hz", "ppm")),
         *(("integrity", key) for key in ("path", "sha256")),
     ):
-        if location not in file or key not in (file[location] if location == "integrity" else file[location].attrs):
-            findings.append(f"R02 {location} expected {key}, found nothing")
+        if path not in file or key not in (file[path] if path == "integrity" else file[path].attrs):
+            findings.append(f"R02 {path} expected {key}, found nothing")
     if findings:
         return None
     digests = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
@@ -84,11 +84,11 @@ def _read(file, findings):
     record.clock_hz = nominal_clock_hz(float(file["clock"].attrs["f_xtal_nominal_Hz"]), findings)
     column_paths = []
     file.visititems(lambda name, item: column_paths.append(f"/{name}") if isinstance(item, h5py.Dataset) else None)
-    for location in column_paths:
-        if not location.startswith("/integrity/"):
-            _read_column(file, location, record, digests, findings)
-    for location in sorted(set(digests) - set(column_paths)):
-        findings.append(f"R02 {location} expected a column, found nothing")
+    for path in column_paths:
+        if not path.startswith("/integrity/"):
+            _read_column(file, path, record, digests, findings)
+    for path in sorted(set(digests) - set(column_paths)):
+        findings.append(f"R02 {path} expected a column, found nothing")
     if not findings:
         streams = {
             name: described(column, digests[f"/streams/{name}"], len(column.data))
@@ -108,30 +108,28 @@ def _read(file, findings):
     return record
 
 
-def _read_column(file, location, record, digests, findings):
-    dataset = file[location]
-    group, _, name = location[1:].rpartition("/")
+def _read_column(file, path, record, digests, findings):
+    dataset = file[path]
+    group, _, name = path[1:].rpartition("/")
     is_axis = group == "streams" and dataset.is_scale
     if name == "row" and group != "streams":
         return
     text = h5py.check_string_dtype(dataset.dtype) is not None
     allowed = group != "streams" if text else dataset.dtype.kind in KINDS
     if not allowed or dataset.ndim != 1:
-        findings.append(
-            f"R04 {location} expected a column of numbers, found {dataset.dtype} of {dataset.ndim} dimensions"
-        )
+        findings.append(f"R04 {path} expected a column of numbers, found {dataset.dtype} of {dataset.ndim} dimensions")
         return
     if not text and dataset.dtype.byteorder == ">":
-        findings.append(f"R20 {location} expected little-endian numbers, found {dataset.dtype}")
+        findings.append(f"R20 {path} expected little-endian numbers, found {dataset.dtype}")
         return
     unit = dataset.attrs.get("unit")
     if not is_valid_unit(unit) and not (unit == "" and group != "streams"):
-        findings.append(f"R03 {location} expected a unit, found {unit!r}")
+        findings.append(f"R03 {path} expected a unit, found {unit!r}")
         return
     data = np.array(dataset.asstr()[:].tolist(), str) if text else dataset[:]
     digest = column_digest(data)
-    if digests.get(location) != digest:
-        findings.append(f"R15 {location} expected sha256 {digests.get(location, 'none')}, found {digest}")
+    if digests.get(path) != digest:
+        findings.append(f"R15 {path} expected sha256 {digests.get(path, 'none')}, found {digest}")
     elif is_axis:
         return
     elif group != "streams":
@@ -142,12 +140,12 @@ def _read_column(file, location, record, digests, findings):
         num, den, edge0 = (attrs.get(key) for key in STREAM_KEYS[1:])
         if missing or not all(isinstance(value, int) for value in (num, den, edge0)) or num < 1 or den < 1:
             findings.append(
-                f"R08 {location} expected {', '.join(STREAM_KEYS[1:])}: a ratio of the clock, found {num}/{den}"
+                f"R08 {path} expected {', '.join(STREAM_KEYS[1:])}: a ratio of the clock, found {num}/{den}"
             )
             return
         axis = f"streams/{axis_name(num, den, edge0, record.clock_hz)}"
         if axis not in file or len(file[axis]) != len(data):
-            findings.append(f"R05 {location} expected {axis} of {len(data)} rows, found another length")
+            findings.append(f"R05 {path} expected {axis} of {len(data)} rows, found another length")
             return
         column_attrs = {key: value for key, value in attrs.items() if key not in STREAM_KEYS}
         record.streams[name] = Column(data, unit, num, den, edge0, column_attrs, record.clock_hz)

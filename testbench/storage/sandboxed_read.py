@@ -1,6 +1,6 @@
 """A first reading in a process of its own, for libraries that damage can stop, crash or make take all memory.
 
-    tried(module, path, what, *more)   runs `python -m MODULE PATH MORE...`, whose __main__ calls `main(read)`
+    read_in_subprocess(module, path, what, *more)   `python -m MODULE PATH MORE...`, whose __main__ calls `main(read)`
 
 A process that ends otherwise than well, or takes more time or memory than such a file may, is one line.
 Source  docs/inputs.md

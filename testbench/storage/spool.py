@@ -208,11 +208,9 @@ class Spool:
             rows = np.concatenate([np.empty(0, self.dtype), *self._memory])
             yield from (rows[k : k + READ_ROWS] for k in range(0, len(rows), READ_ROWS))
             return
-        file_bytes, written_bytes = os.path.getsize(self.path), self.rows * self.dtype.itemsize
-        if file_bytes != written_bytes:
-            raise FileError(
-                f"{self.path}: holds {file_bytes} bytes, {written_bytes} were written: another run in this folder?"
-            )
+        size, written = os.path.getsize(self.path), self.rows * self.dtype.itemsize
+        if size != written:
+            raise FileError(f"{self.path}: holds {size} bytes, {written} were written: another run in this folder?")
         digests = [*self._digests, self._open.digest()]
         for k, (rows, digest) in enumerate(self._read()):
             self._check_block(k, digest, digests[k])

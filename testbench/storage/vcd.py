@@ -157,14 +157,14 @@ def _check(rows, signal_list):
 def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz, valid=None):
     """Write a window as VCD.
 
-    rows        int64, one row per clock edge, one column per signal
-    listed      `Signal`s
-    first_edge  number of the edge that samples the first row, counted from power-on
-    top         outermost scope
-    edges       edges that sample the rows, counted from `first_edge` and rising; None: one row after the other.
-                Between them nothing is known: the clock rests, and values stay as they were
-    clock_hz    nominal frequency of the master clock
-    known       bool, of the shape of `rows`: where a value is none, its bits are x; None: all are known
+    rows         int64, one row per clock edge, one column per signal
+    signal_list  `Signal`s
+    first_edge   number of the edge that samples the first row, counted from power-on
+    top          outermost scope
+    edges        edges that sample the rows, counted from `first_edge` and rising; None: one row after the other.
+                 Between them nothing is known: the clock rests, and values stay as they were
+    clock_hz     nominal frequency of the master clock
+    valid        bool, of the shape of `rows`: where a value is none, its bits are x; None: all are known
     """
     rows = np.asarray(rows)
     valid = np.ones(rows.shape, bool) if valid is None else valid

@@ -31,7 +31,7 @@ def study(
 
     show, engines = Progress(quiet=as_json), engine_texts or ()
     result, report = studies.run(
-        plan, out, local(workers), show, sets or (), engines, lambda found: study_page.write(found, out / "results")
+        plan, out, local(workers), show, sets or (), engines, lambda results: study_page.write(results, out / "results")
     )
     files = list(map(str, report.files))
     if as_json:

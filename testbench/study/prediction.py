@@ -57,7 +57,7 @@ class Prediction(NamedTuple):
 
 
 def linear_parameters(config):
-    """`Parts` of a configuration, with the force that the sine's table leaves of a word."""
+    """`LoopParameters` of a configuration, with the force that the sine's table leaves of a word."""
     p = loop_parameters(config)
     return p._replace(volts_per_word=p.volts_per_word * table_gain(config.design))
 

@@ -73,19 +73,16 @@ class Written(NamedTuple):
 
 def write_predictions(plan, store, progress=None):
     """`Written` predictions of a plan; what is there already stays, with its time."""
-    predictions = {}
+    out = {}
     for k, (name, config) in enumerate(designs(plan).items()):
         if progress:
             progress("predictions", k, 0)
-        predictions[name] = {
-            "predicted": prediction.predict(config)._asdict(),
-            "cost": cost.design_cost(config)._asdict(),
-        }
-    sha256 = hashlib.sha256(canonical(predictions).encode()).hexdigest()
+        out[name] = {"predicted": prediction.predict(config)._asdict(), "cost": cost.design_cost(config)._asdict()}
+    sha256 = hashlib.sha256(canonical(out).encode()).hexdigest()
     path = store.path / "predictions" / f"{plan.name}-{sha256[:16]}.json"
     if not path.exists():
         path.parent.mkdir(exist_ok=True)
-        written = Written(sha256, datetime.now(UTC).isoformat(timespec="seconds"), predictions)
+        written = Written(sha256, datetime.now(UTC).isoformat(timespec="seconds"), out)
         write_text(path, json.dumps(written._asdict(), indent=1))
     return Written(**inputs.read_json(path))
 
@@ -138,7 +135,7 @@ def _columns(plan, store):
 
 
 def simulated_designs(plan, store, predicted):
-    """{case: Seen} of the finished points; designs without one are left out."""
+    """{case: SimulatedDesign} of the finished points; designs without one are left out."""
     columns = _columns(plan, store)
     first = next(iter(predicted))
     if first not in columns:
@@ -221,11 +218,11 @@ class Result(NamedTuple):
     name: str
     written: Written
     started_utc: str
-    simulated: dict  # {case: Seen}
+    simulated: dict  # {case: SimulatedDesign}
 
     @property
     def rows(self):
-        """(case, predicted, cost, Seen, Deviation) of each design that has run."""
+        """(case, predicted, cost, SimulatedDesign, Deviation) of each design that has run."""
         for case, simulated in self.simulated.items():
             one = self.written.designs[case]
             yield case, one["predicted"], cost.Cost(**one["cost"]), simulated, deviation(simulated, one["predicted"])

@@ -101,11 +101,9 @@ class Spec:
         if "limits" in value:
             self._check_limits(value)
 
-    def _check_number(self, number, value, is_integer):
-        if isinstance(number, bool) or not isinstance(number, int if is_integer else (int, float)):
-            self._fail(
-                f"= {short_toml(value)}: {short_toml(number)} is not {'an integer' if is_integer else 'a number'}"
-            )
+    def _check_number(self, number, value, integer):
+        if isinstance(number, bool) or not isinstance(number, int if integer else (int, float)):
+            self._fail(f"= {short_toml(value)}: {short_toml(number)} is not {'an integer' if integer else 'a number'}")
         if not math.isfinite(number):
             self._fail(f"= {short_toml(value)}: {short_toml(number)} is not finite")
 

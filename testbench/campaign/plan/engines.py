@@ -1,12 +1,12 @@
 """What a campaign asks of an engine, and the engines it knows by name.
 
-    play(configs, sinks) -> [numbers, ...]    one dict per configuration: {name: number, text, or None if there is none}
+    run_points(configs, sinks) -> [numbers, ...]    one dict per configuration: {name: number, text, or None}
 
 `sinks[k].add(first_frame, frames, truth)` takes the 8 kHz rows of the scenario of configuration k, in order, in pieces
 of any length (columns of `engine.FRAME_COLUMNS` and `TRUTH_COLUMNS`). A point that fails alone has an exception in
 place of its dict. What a point gives must not depend on who shares its call.
-No file says what is imported: a plan names an engine, and its place, "package.module:OBJECT", is that of ours here, of
-an entry point of an installed package, or of the option --engine. Every worker must be able to import it.
+No file says what is imported: a plan names an engine, and its location, "package.module:OBJECT", is that of ours here,
+of an entry point of an installed package, or of the option --engine. Every worker must be able to import it.
 Source  docs/campaigns.md
 """
 
@@ -29,11 +29,11 @@ def _shared_key(config):
 class Engine(NamedTuple):
     """An engine: what plays, how many points at most in one call, which may share one, and what its numbers hang on.
 
-    prepare  called once per process before the first point, one process of a machine at a time: compilation
-    group    configuration -> key; points with equal keys may share a call
-    modules  dotted names whose sources, with all they import, make the hash of the code
-    twin     name of the engine that gives the same points to the last bit, under whose name they are kept; the modules
-             must be the same
+    prepare        called once per process before the first point, one process of a machine at a time: compilation
+    group          configuration -> key; points with equal keys may share a call
+    modules        dotted names whose sources, with all they import, make the hash of the code
+    equivalent_to  name of the engine that gives the same points to the last bit, under whose name they are kept; the
+                   modules must be the same
     """
 
     run_points: Callable
@@ -50,7 +50,7 @@ ENGINES = {
     "baseband": "testbench.campaign.builtin_engines:BASEBAND",
     "lanes": "testbench.campaign.builtin_engines:LANES",
 }
-LOCATIONS = {  # of ours, too; points are kept under the place
+LOCATIONS = {  # of ours, too; points are kept under the location
     "characterise": "testbench.paper.measure.characterise:POINTS",
     "word_lengths": "testbench.study.points:POINTS",
 }
@@ -60,7 +60,7 @@ MEASURES = "testbench.campaign.plan.measure"
 
 
 def parse_options(texts):
-    """{name: place} of texts as of `--engine`, and of `PLACES`."""
+    """{name: location} of texts as of `--engine`, and of `LOCATIONS`."""
     out = dict(LOCATIONS)
     for text in texts:
         match = OPTION.fullmatch(text)
@@ -80,7 +80,7 @@ def _installed():
 def find(name, extra_engines, where):
     """What `load` takes for the engine that a plan names; nothing is loaded.
 
-    own  {name: place}, those of `parse_options`
+    extra_engines  {name: location}, those of `parse_options`
     """
     if not isinstance(name, str):
         raise ConfigError(f"{where} = {name!r} is not the name of an engine")
@@ -90,16 +90,12 @@ def find(name, extra_engines, where):
     if name in locations:
         return locations[name]
     if ":" in name:
-        quoted_name = next(
-            (f'"{engine_names}"' for engine_names, location in locations.items() if location == name), None
-        )
-        hint = quoted_name or f"a name there, and give --engine NAME={name}"
+        quoted = next((f'"{candidate}"' for candidate, location in locations.items() if location == name), None)
+        hint = quoted or f"a name there, and give --engine NAME={name}"
         raise ConfigError(f"{where} = {name!r}: no file can name code that would run here; write {hint}")
-    engine_names = [*ENGINES, *locations]
-    matches = difflib.get_close_matches(name, engine_names, n=1)
-    hint = (
-        f"did you mean {matches[0]}?" if matches else f"known: {', '.join(engine_names)}; the option --engine adds one"
-    )
+    names = [*ENGINES, *locations]
+    matches = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {matches[0]}?" if matches else f"known: {', '.join(names)}; the option --engine adds one"
     raise ConfigError(f"{where} = {name!r} is not an engine; {hint}")
 
 

@@ -65,7 +65,7 @@ class Plan(NamedTuple):
         return tuple(axis.length for axis in self.axes)
 
 
-def _suggestion(name, names):
+def _hint(name, names):
     matches = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     return f"did you mean {matches[0]}?" if matches else f"known: {', '.join(names)}"
 
@@ -103,14 +103,14 @@ def _table(value, where):
 def read(path, sets=(), engine_texts=()):
     """`Plan` of a TOML file.
 
-    sets         texts as of `--set`, which win over [set]
-    own_engines  texts as of `--engine`
+    sets          texts as of `--set`, which win over [set]
+    engine_texts  texts as of `--engine`
     """
     path, extra_engines = Path(path), engines.parse_options(engine_texts)
     tree = read_toml(path)
     for key in tree:
         if key not in KEYS:
-            hint = f"; write [set] {key}..." if key in configuration.sections() else f"; {_suggestion(key, KEYS)}"
+            hint = f"; write [set] {key}..." if key in configuration.sections() else f"; {_hint(key, KEYS)}"
             raise ConfigError(f"{path}: {key} is not a key of a plan{hint}")
     name = tree.get("name", path.stem)
     if not isinstance(name, str) or not NAME.fullmatch(name):
@@ -240,16 +240,14 @@ def _read_keep(tree, path):
     where = f"{path}: [keep]"
     for key in tree:
         if key not in KEEP_KEYS:
-            raise ConfigError(f"{where} {key} is not a key; {_suggestion(key, KEEP_KEYS)}")
+            raise ConfigError(f"{where} {key} is not a key; {_hint(key, KEEP_KEYS)}")
     frames = _integer(tree, "frames", 1, 1, where)
     streams = _table(tree.get("streams", {}), f"{path}: keep.streams")
     statistics = _table(tree.get("statistics", {}), f"{path}: keep.statistics")
     for table, part in ((streams, "streams"), (statistics, "statistics")):
         for column in table:
             if column not in FIELDS:
-                raise ConfigError(
-                    f"{path}: [keep.{part}] {column} is not a stream; {_suggestion(column, list(FIELDS))}"
-                )
+                raise ConfigError(f"{path}: [keep.{part}] {column} is not a stream; {_hint(column, list(FIELDS))}")
     for column in streams:
         if _integer(streams, column, 1, 1, f"{path}: [keep.streams]") > MOST_FRAMES:
             raise ConfigError(f"{path}: [keep.streams] {column} is above the limit {MOST_FRAMES} frames")
@@ -259,7 +257,7 @@ def _read_keep(tree, path):
         for kind in kinds:
             if kind not in STATISTICS:
                 raise ConfigError(
-                    f"{path}: [keep.statistics] {column}: {short_toml(kind)} is none; {_suggestion(kind, STATISTICS)}"
+                    f"{path}: [keep.statistics] {column}: {short_toml(kind)} is none; {_hint(kind, STATISTICS)}"
                 )
     tau_s = _taus(tree.get("tau_s", []), where)
     if not tau_s and any("adev" in kinds for kinds in statistics.values()):
@@ -312,10 +310,8 @@ def points(plan):
         identity = point_identity(config, engine, plan.keep, digest)
         out.append(Point(number, index, identity, point_address(identity), engine))
     if len(rates) > 1 and plan.keep.streams:
-        rates_text = ", ".join(f"{rate:g}" for rate in sorted(rates))
-        raise ConfigError(
-            f"{plan.source}: [keep.streams]: points of {rates_text} frames a second have no time in common"
-        )
+        text = ", ".join(f"{rate:g}" for rate in sorted(rates))
+        raise ConfigError(f"{plan.source}: [keep.streams]: points of {text} frames a second have no time in common")
     return out, states
 
 

@@ -103,11 +103,9 @@ class Bench:
         self.write("frequency_fixed", dds.word_of_hz(config.firmware.nominal_frequency_hz + OFFSET_HZ, self.design))
         self.wait(OFFSET_WAIT_S)
         rows = self.record(OFFSET_S)
-        offsets = {
-            name: rows.hann(name) for name in ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")
-        }
+        codes = {name: rows.hann(name) for name in ("adc_drive_sin", "adc_drive_cos", "adc_sense_sin", "adc_sense_cos")}
         self.write("control", sequencer.RUN)
-        return offsets
+        return codes
 
     def _ticks(self, seconds):
         return round(seconds * self.design.tick_hz)

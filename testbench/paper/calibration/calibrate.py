@@ -110,7 +110,7 @@ class TurnedReading:
     """The drive sine turned on purpose. The drive frequency follows by some ten millihertz, x and y do not.
 
     Edges on the 1 MHz grid have a bias that depends on the frequency to a millihertz, and that no repeat at one
-    frequency shows: `late` says how large it is. Readings at several turns show what else depends on the frequency.
+    frequency shows: `pin_delay` says how large it is. Readings at several turns show what else depends on it.
     """
 
     def __init__(self, bench):
@@ -131,7 +131,7 @@ def _stamped(bench, rows, of="drive"):
 
 
 def pin_delay(bench, rows, weights, channel="drive", of="drive", cosine=False):
-    """`grid.Late` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel whose pin was stamped."""
+    """`grid.EdgeDelay` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel of the stamped pin."""
     words, begun = _stamped(bench, rows, of)
     offset = bench.read(f"phase_{channel}_ref") + cosine * bench.grid.turn // 4
     return grid.edge_delay(words, weights, begun, offset, bench.grid)
@@ -153,7 +153,7 @@ def rung(bench, rows, omega):
 
 def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
     """`Readings` of the lag of an electrode voltage behind its undisplaced sgn(sin); sgn(cos) is read as well."""
-    turned, lags_deg, grid_sd_deg = TurnedReading(bench), [], []
+    turned, lags_deg, sd_deg = TurnedReading(bench), [], []
     reference_deg = bench.phases_deg()[f"phase_{channel}_ref"]
     for turn in turns_deg:
         turned.to(turn)
@@ -161,9 +161,9 @@ def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
         displacement_deg = reference_deg - (turn if channel == "drive" else 0.0)
         pins = [pin_delay(bench, rows, grid.hann(len(rows)), channel, channel, cosine) for cosine in (False, True)]
         lags_deg.append((r.lag_deg + r.cos_lag_deg + pins[0].deg + pins[1].deg) / 2 - displacement_deg)
-        grid_sd_deg.append((pins[0].sd_deg + pins[1].sd_deg) / 2)
+        sd_deg.append((pins[0].sd_deg + pins[1].sd_deg) / 2)
     turned.to(0.0)
-    return Readings(np.array(lags_deg), np.array(grid_sd_deg))
+    return Readings(np.array(lags_deg), np.array(sd_deg))
 
 
 def offset_deg(bench):
@@ -179,7 +179,7 @@ def detune(bench, angles_deg=DETUNE_DEG):
     by w/Q tan(theta) between the sides: 1/(2 Q) of angle. The frequency loop holds x where signal and offset of its
     demodulator cancel, so the offset's angle is added; it follows a late pin, so the force is ahead by as much.
     """
-    turned, angles, grid_sd_deg = TurnedReading(bench), [], []
+    turned, angles, sd_deg = TurnedReading(bench), [], []
     side = 1.0
     for theta in angles_deg:
         level, pin = {}, {}
@@ -190,10 +190,10 @@ def detune(bench, angles_deg=DETUNE_DEG):
             pin[sign] = pin_delay(bench, rows, np.ones(len(rows)))
         ahead, half_difference = (pin[1.0].deg + pin[-1.0].deg) / 2, (pin[1.0].deg - pin[-1.0].deg) / 2
         angles.append(log_cosine_ratio(theta + half_difference, level[1.0] - level[-1.0]) + ahead)
-        grid_sd_deg.append(math.hypot(pin[1.0].sd_deg, pin[-1.0].sd_deg) / 2)
+        sd_deg.append(math.hypot(pin[1.0].sd_deg, pin[-1.0].sd_deg) / 2)
         side = -side  # the next angle begins where this one ends
     turned.to(0.0)
-    return Readings(np.array(angles) + offset_deg(bench), np.array(grid_sd_deg))
+    return Readings(np.array(angles) + offset_deg(bench), np.array(sd_deg))
 
 
 def minimum(bench):
@@ -280,7 +280,7 @@ def fit_ring(codes, split_hz, frame_s):
 
 
 def fit_step_ring(codes, split_hz, decay_s, rc_s, frame_s):
-    """As `ring`, of a line that has gone before the codes are read: from the codes right after a chop.
+    """As `fit_ring`, of a line that has gone before the codes are read: from the codes right after a chop.
 
     decay_s  of the drawing;  rc_s  of the demodulator, whose own transient is left out
     """
@@ -298,7 +298,7 @@ def fit_step_ring(codes, split_hz, decay_s, rc_s, frame_s):
 
 
 def chop(bench, turns_deg=CHOP_TURNS_DEG):
-    """psi of the sense pickoff: what V_q = 0 does to both codes, the force word fixed at A_I = 0; (Readings, seen).
+    """(`Readings`, observations) of the sense pickoff's psi: what V_q = 0 does to both codes, force word at A_I = 0.
 
     x stands on the drive's references, y is read by the sense's: the lateness of both counts, only while V_q is 0.
     y rings after each chop. Where a line of lateness meets the ring the mean of the codes is off: `rung`.
@@ -307,7 +307,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     drawing = bench.drawing
     split_hz, decay_s = drawing.fx_hz - drawing.fy_hz, drawing.qy / (math.pi * drawing.fy_hz)
     rc_s = 2 * drawing.sid_r_ohm * drawing.sid_c_f  # of a group that is closed half the time
-    turned, angles, grid_sd_deg, opened, closed, rings = TurnedReading(bench), [], [], [], [], []
+    turned, angles, sd_deg, opened, closed, rings = TurnedReading(bench), [], [], [], [], []
     for turn in turns_deg:
         turned.to(turn)
         levels, records, steps = [], [], []
@@ -328,7 +328,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         else:
             rings.append(fit_ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz), bench.frame_s))
         off = [share * rung(bench, rows, rings[-1][0]) for share, rows in zip((0.5, 1.0, 0.5), records)]
-        grid_sd_deg.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / quadrature_step)))
+        sd_deg.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / quadrature_step)))
         opened.append(abs(q1))
         closed.append(abs(i0))
     turned.to(0.0)
@@ -339,9 +339,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     split = math.copysign(split, split_hz)
     lead_deg = math.degrees(math.atan(2 * drive / (decay_s * split * (2 * drive - split))))
     decay_spread = float(np.std([r[1] for r in rings])) / decay_s
-    phase_readings = Readings(
-        np.array(angles) + lead_deg - offset_deg(bench), np.array(grid_sd_deg), lead_deg * decay_spread
-    )
+    psi = Readings(np.array(angles) + lead_deg - offset_deg(bench), np.array(sd_deg), lead_deg * decay_spread)
     observations = {
         "force_word": word,
         "null_v": math.sqrt(u / 2**32) * bench.drawing.quad_dac_span_v,
@@ -351,7 +349,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         "decay_s": decay_s,
         "mode_lead_deg": lead_deg,
     }
-    return phase_readings, observations
+    return psi, observations
 
 
 # what a reading falls by for the words: +1 is the word's own degrees

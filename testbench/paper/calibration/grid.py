@@ -96,7 +96,7 @@ def _mean(words, weights, turning, first, grid):
 
 
 def edge_delay(words, weights, begun, offset, grid):
-    """`Late` of the edges of both slopes of a reference; weights of the frames, `begun` their `Start`."""
+    """`EdgeDelay` of the edges of both slopes of a reference; weights of the frames, `begun` their `Start`."""
     words, weights = np.asarray(words, np.int64), np.asarray(weights, float)
     inside = (begun.low + (2 * k + 1) * (begun.high - begun.low) // (2 * INSIDE) for k in range(INSIDE))
     delays = [float(_mean(words, weights, 1.0, first + offset, grid)) for first in inside]

@@ -80,16 +80,14 @@ def _unmet(base, shifted_rows, group, step):
     return total
 
 
-def _shift_rows(post, row_draws, exact, fold, k, d):
+def _shift_rows(post, draws, exact, fold, k, d):
     """{row: array} of the fold's printed numbers with number k of every draw moved by d: noise stays."""
     z = post.z.copy()
     z[:, k] += d
     with np.errstate(all="ignore"):
-        shifted_rows = forward.predict(z, post.mode, steps=False)
+        shifted = forward.predict(z, post.mode, steps=False)
     return {
-        n: row_draws[n] * shifted_rows[n] / exact[n]
-        if n in forward.LOGARITHMIC
-        else row_draws[n] + shifted_rows[n] - exact[n]
+        n: draws[n] * shifted[n] / exact[n] if n in forward.LOGARITHMIC else draws[n] + shifted[n] - exact[n]
         for n in fold.rows
     }
 
@@ -97,18 +95,18 @@ def _shift_rows(post, row_draws, exact, fold, k, d):
 def temperature_moves(paper, fold_result, group, best=2):
     """[`Move`, ...] that bring a contradicted class of a temperature that was left out inside, medians in its unit.
 
-    kept  what `heldout.judged` keeps
+    fold_result  what `heldout.judge_folds` keeps of a fold
     """
-    fold, post, row_draws = fold_result
+    fold, post, draws = fold_result
     some = post.weight > 0
     mode = {name: choices[some] for name, choices in post.mode.items()}
     post = post._replace(z=post.z[some], mode=mode, weight=post.weight[some])
-    row_draws = {name: row_draws[name][some] for name in fold.rows}
+    draws = {name: draws[name][some] for name in fold.rows}
     exact = forward.predict(post.z, post.mode, steps=False)
     groups = dict.fromkeys(heldout.GROUPS[name] for name in fold.rows)
 
     def class_p(k, d):
-        now = _shift_rows(post, row_draws, exact, fold, k, d)
+        now = _shift_rows(post, draws, exact, fold, k, d)
         if not all(np.isfinite(a).all() for a in now.values()):
             return None
         classes = {
@@ -116,7 +114,7 @@ def temperature_moves(paper, fold_result, group, best=2):
         }
         return None if any(c.verdict == "contradicted" for c in classes.values()) else classes[group].p
 
-    p_before = heldout.compared(fold.name, group, heldout.class_row_names(fold, group), row_draws, post.weight, paper).p
+    p_before = heldout.compared(fold.name, group, heldout.class_row_names(fold, group), draws, post.weight, paper).p
     size, met = FIRST, []
     while size <= FAR and len(met) < best:
         met = [(k, d) for k in range(infer.SIZE) for d in (-size, size) if class_p(k, d) is not None]

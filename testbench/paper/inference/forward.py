@@ -282,18 +282,12 @@ def works(predictions, span_v=5.5):
     return np.all((volts > LEAST_V) & (volts < span_v), axis=0)
 
 
-def _case(b, residual_rad):
-    """Scale factor, V_q and bias of one case at one temperature; left: residuals (rad)."""
-    angle = residual_rad["ye1"] + residual_rad["xe2"]
+def _case(b, rad):
+    """Scale factor, V_q and bias of one case at one temperature; rad: residuals."""
+    angle = rad["ye1"] + rad["xe2"]
     cosine = np.cos(angle)
     # equal offsets of both codes: F0 = D y, y = (j - 1) offset e^(j ye2) / pickoff
-    force = (
-        -(1 + 1j)
-        * b.dynamic_n_per_m
-        * b.offset_v
-        / b.sense_v_per_m
-        * np.exp(1j * (residual_rad["ye2"] - residual_rad["xe2"]))
-    )
+    force = -(1 + 1j) * b.dynamic_n_per_m * b.offset_v / b.sense_v_per_m * np.exp(1j * (rad["ye2"] - rad["xe2"]))
     in_phase = b.damping_n + force.real
     kappa = (in_phase * np.sin(angle) / cosine + force.imag) / b.amplitude_m
     return {
@@ -332,11 +326,11 @@ class BoardRows(NamedTuple):
 
 
 def compute_rows(z, mode, cases=CASES):
-    """`Seen` of boards: z (boards, priors), mode of arrays; `cases` of the five register sets."""
+    """`BoardRows` of boards: z (boards, priors), mode of arrays; `cases` of the five register sets."""
     v = priors.values(z)
-    room_phases, room, per_dps = _room(v, mode)
-    phases = {node: room_phases[node] for node in ("xe1", "xe2", "ye1")}
-    phases["ye2"] = room_phases["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
+    room_deg, room, per_dps = _room(v, mode)
+    phases = {node: room_deg[node] for node in ("xe1", "xe2", "ye1")}
+    phases["ye2"] = room_deg["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
     out = BoardRows(phases, {}, {})
     for temp in rows.TEMPERATURES_DEGC:
         warm = _warm(v, mode, temp)
@@ -346,10 +340,8 @@ def compute_rows(z, mode, cases=CASES):
         b = _board(v, mode, warm, passed, room)._replace(offset_v=_offset_v(charge_c, warm["f"]))
         out.noise.update({(group, temp): value for group, value in _noise_values(v, b, warm, temp).items()})
         for case in cases:
-            residual_rad = {
-                n: (now[n] - (room_phases[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES
-            }
-            out.cases.update({(case, group, temp): value for group, value in _case(b, residual_rad).items()})
+            rad = {n: (now[n] - (room_deg[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES}
+            out.cases.update({(case, group, temp): value for group, value in _case(b, rad).items()})
     return out
 
 

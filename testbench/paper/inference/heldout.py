@@ -71,19 +71,12 @@ def compared(fold, group, names, row_draws, weight, paper):
     cov = (weight[:, None] * (values - mean)).T @ (values - mean)
     far = np.linalg.inv(cov)
 
-    def squared_distance(y):
+    def chi2(y):
         return np.einsum("...i,ij,...j->...", y - mean, far, y - mean)
 
-    paper_distance = float(squared_distance(np.array([paper.values[name] for name in names])))
+    paper_chi2 = float(chi2(np.array([paper.values[name] for name in names])))
     width = max(np.sqrt(np.diag(cov)) / [SIGMAS[name] for name in names])
-    return Class(
-        fold,
-        group,
-        paper_distance,
-        len(names),
-        float(weight[squared_distance(values) >= paper_distance].sum()),
-        float(width),
-    )
+    return Class(fold, group, paper_chi2, len(names), float(weight[chi2(values) >= paper_chi2].sum()), float(width))
 
 
 def judge_folds(paper, rng, draws, least, progress=None):

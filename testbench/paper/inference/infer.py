@@ -89,7 +89,7 @@ def _cost(z, mode, data):
     return 0.5 * np.sum(r * r, axis=1) + 0.5 * np.sum(z * z, axis=1)
 
 
-def _select_modes(mode, at):
+def _select(mode, at):
     return {name: a[at] for name, a in mode.items()}
 
 
@@ -116,18 +116,15 @@ def optimum(data, mode=None):
     mode = screened(data) if mode is None else mode
     z = np.zeros((len(next(iter(mode.values()))), SIZE))
     z, cost = _descend(z, mode, data, FEW_STEPS)
-    close_mask = cost < cost.min() + CUT_NATS
-    mode, (z, cost) = (
-        _select_modes(mode, close_mask),
-        _descend(z[close_mask], _select_modes(mode, close_mask), data, STEPS),
-    )
+    mask = cost < cost.min() + CUT_NATS
+    mode, (z, cost) = (_select(mode, mask), _descend(z[mask], _select(mode, mask), data, STEPS))
     h, j = _linear(z, mode, data)
     hessian = np.swapaxes(j, 1, 2) @ j
     evidence = -cost - 0.5 * np.linalg.slogdet(hessian)[1]
     weight = np.exp(evidence - evidence.max())
     order = np.argsort(-weight, kind="stable")
     chi2 = np.sum(h[:, SIZE:] ** 2, axis=1)
-    return Optimum(_select_modes(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
+    return Optimum(_select(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
 
 
 def settled(z, mode, data, fixed_z):
@@ -150,7 +147,7 @@ def _solve(z, mode, data, basis, noise):
     remaining, converged = np.arange(count), np.zeros(count, bool)
     log_det, square = np.zeros(count), np.zeros(count)
     for _ in range(NEWTON_STEPS):
-        h, j = _linear(z[remaining], _select_modes(mode, remaining), data)
+        h, j = _linear(z[remaining], _select(mode, remaining), data)
         q = np.swapaxes(basis[remaining], 1, 2)
         a, miss = q @ j, (q @ h[..., None])[..., 0] - noise[remaining]
         solved = np.max(np.abs(miss), axis=1) < SOLVED
@@ -178,19 +175,19 @@ def posterior(data, rng, draws=1000, least=LEAST_SIZE):
 def _draw_posterior(data, rng, draws, optima):
     """`Posterior` of so many draws."""
     mask = optima.weight > LEAST_WEIGHT
-    mode, share = _select_modes(optima.mode, mask), optima.weight[mask] / optima.weight[mask].sum()
+    mode, share = _select(optima.mode, mask), optima.weight[mask] / optima.weight[mask].sum()
     which = np.sort(rng.choice(len(share), draws, p=share))
     _, j = _linear(optima.z[mask], mode, data)
     basis, triangle = np.linalg.qr(j)
     noise = np.einsum("nij,ni->nj", basis[which], rng.standard_normal((draws, j.shape[1])))
     z = optima.z[which] + np.linalg.solve(triangle[which], noise[..., None])[..., 0]
-    z, log_det, square, good = _solve(z, _select_modes(mode, which), data, basis[which], noise)
-    good &= forward.works(forward.predict(z, _select_modes(mode, which), steps=False))
+    z, log_det, square, good = _solve(z, _select(mode, which), data, basis[which], noise)
+    good &= forward.works(forward.predict(z, _select(mode, which), steps=False))
     log = np.where(good, 0.5 * np.sum(noise**2, axis=1) - 0.5 * square - log_det - np.log(share[which]), -np.inf)
     weight = np.exp(log - log.max()) if good.any() else np.zeros(draws)
     weight /= max(weight.sum(), 1e-300)
     size = float(1 / np.sum(weight**2)) if good.any() else 0.0
-    return Posterior(optima, z, _select_modes(mode, which), weight, size)
+    return Posterior(optima, z, _select(mode, which), weight, size)
 
 
 def quantile(values, weight, share):

@@ -23,7 +23,7 @@ class Candidate(NamedTuple):
     name: str
     unit: str
     sigma: float
-    read: object  # (numbers, mode, rows seen) -> array
+    read: object  # (numbers, mode, `BoardRows`) -> array
 
 
 def _drift(node):
@@ -35,26 +35,27 @@ def _drift(node):
 
 CANDIDATES = (
     Candidate("oscilloscope on a reference pin: edges on the grid of 1 us or not", "1", 0.05,
-              lambda v, mode, seen: 1.0 * mode["reference_retimed"]),
+              lambda v, mode, rows: 1.0 * mode["reference_retimed"]),
     Candidate("oscilloscope from reference to the sense DAC's latch", "ns", 5.0,
-              lambda v, mode, seen: 1e9 * forward.clocked_s(mode)[1]),
+              lambda v, mode, rows: 1e9 * forward.clocked_s(mode)[1]),
     Candidate("output of the sense DAC behind its latch", "ns", 5.0,
-              lambda v, mode, seen: 1e9 * forward.sense_response_s(v, mode)),
+              lambda v, mode, rows: 1e9 * forward.sense_response_s(v, mode)),
     Candidate("carrier at 50 less that at -20 degC", "mV", 5.0,
-              lambda v, mode, seen: 1e3 * 70 * v["carrier_v"] * forward.carrier_tc_per_k(v, mode)),
+              lambda v, mode, rows: 1e3 * 70 * v["carrier_v"] * forward.carrier_tc_per_k(v, mode)),
     Candidate("xe1 at 50 less that at -20 degC", "deg", 0.008, _drift("xe1")),
     Candidate("ye1 at 50 less that at -20 degC", "deg", 0.008, _drift("ye1")),
     Candidate("ye2' at 50 less that at -20 degC", "deg", 0.012, _drift("ye2")),
-    Candidate("xe2' by symmetric detuning", "deg", 0.001, lambda v, mode, seen: seen.phases["xe2"]),
-    Candidate("delay of the analog switch behind its pin", "ns", 2.0, lambda v, mode, seen: 1e9 * v["sid_switch_s"]),
-    Candidate("drive frequency", "Hz", 1.0, lambda v, mode, seen: v["fx_hz"]),
-    Candidate("drive amplitude, vibrometer, ln", "1", 0.02, lambda v, mode, seen: np.log(v["amplitude_um"])),
-    Candidate("x at the ring's output, ln", "1", 0.02, lambda v, mode, seen: np.log(v["pickoff_v"])),
+    Candidate("xe2' by symmetric detuning", "deg", 0.001, lambda v, mode, rows: rows.phases["xe2"]),
+    Candidate("delay of the analog switch behind its pin", "ns", 2.0,
+              lambda v, mode, rows: 1e9 * v["sid_switch_s"]),
+    Candidate("drive frequency", "Hz", 1.0, lambda v, mode, rows: v["fx_hz"]),
+    Candidate("drive amplitude, vibrometer, ln", "1", 0.02, lambda v, mode, rows: np.log(v["amplitude_um"])),
+    Candidate("x at the ring's output, ln", "1", 0.02, lambda v, mode, rows: np.log(v["pickoff_v"])),
     Candidate("ring-down of x at 50 over that at -20 degC, ln", "1", 0.02,
-              lambda v, mode, seen: 70 * v["dlnq_per_k"]),
-    Candidate("quadrature with V_q at 0, ln", "1", 0.02, lambda v, mode, seen: np.log(v["quadrature_dps"])),
+              lambda v, mode, rows: 70 * v["dlnq_per_k"]),
+    Candidate("quadrature with V_q at 0, ln", "1", 0.02, lambda v, mode, rows: np.log(v["quadrature_dps"])),
     Candidate("offset of the sense codes at 50 degC, drive off, as rate", "deg/s", 0.02,
-              lambda v, mode, seen: v["offset_dps"] * (1 + 25 * v["sid_charge_tc_per_k"]) + 2**2.5 * v["leakage_dps"]),
+              lambda v, mode, rows: v["offset_dps"] * (1 + 25 * v["sid_charge_tc_per_k"]) + 2**2.5 * v["leakage_dps"]),
 )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
     of a ring      ln of gain (V/F), delay (s), noise of its own (V/rtHz) and by current (V/A), output at 1 % loss (V)
     polynomial     Chebyshev of degree DEGREE over ln(Cref) in CREF_F and the carrier in CARRIER_V
-    nodes          `ring_diode.ring` and `cv_noise` themselves, with capacitances and diodes of the default board
+    nodes          `ring_diode.diode_ring` and `cv_noise` themselves, with capacitances and diodes of the default board
 
 Beyond the box a board is taken to be on its edge; the priors reach it with a probability below 1e-3.
 Source    docs/inference.md, docs/parts/ring_diode.md

@@ -1,6 +1,6 @@
 """The inference judged on papers that it could have been given: boards from the prior, rows with noise and rounding.
 
-    board      priors and modes drawn; rows by `likelihood.drawn`; the inference sees nothing else
+    board      priors and modes drawn; rows by `likelihood.draw_papers`; the inference sees nothing else
     parameter  rank of the truth among the draws of the whole fit
     held out   rank of a row that the fit did not see among noisy rows of the draws: steps after the whole fit, and the
                rows of one fold by class and one by temperature, in turn
@@ -43,7 +43,7 @@ def rank(values, weight, truth, rng):
 
 
 def rank_boards(count, seed, draws=DRAWS, progress=None):
-    """`Judged` of `count` boards."""
+    """`TruthRanks` of `count` boards."""
     folds = rows.folds()
     by_class = [f for f in folds if "class" in f.rule]
     by_temp = [f for f in folds if "temperature" in f.rule]

@@ -145,7 +145,7 @@ def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS)
             for r in (*likelihood.FITTED, *likelihood.STEPPED)
         ],
         "chi2": {g or "all": [chi2(before, g), chi2(after, g)] for g in (*groups, None)},
-        "held_out": [p._asdict() | {"is_inside": p.is_inside} for p in predicted],
+        "held_out": [p._asdict() | {"inside": p.is_inside} for p in predicted],
         "classes": [c._asdict() | {"verdict": c.verdict} for c in classes],
         "changes": [i._asdict() for items in change.smallest(z, mode).values() for i in items],
         **_holdout_changes(paper, classes, by_fold, fold_draws),

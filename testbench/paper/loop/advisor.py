@@ -116,11 +116,9 @@ def bandwidth(loop):
         return None, None, None
     k = int(past_edge[0])
     edge = float(brentq(lambda f: level_db(f)[0] + 3.0103, grid[k - 1], grid[k], xtol=1e-6))
-    peak_grid = np.linspace(
-        grid[max(int(np.argmax(levels[:k])) - 1, 0)], grid[min(int(np.argmax(levels[:k])) + 1, k)], 60
-    )
-    top = level_db(peak_grid)
-    return edge, float(np.max(top)), float(peak_grid[np.argmax(top)])
+    fine = np.linspace(grid[max(int(np.argmax(levels[:k])) - 1, 0)], grid[min(int(np.argmax(levels[:k])) + 1, k)], 60)
+    top = level_db(fine)
+    return edge, float(np.max(top)), float(fine[np.argmax(top)])
 
 
 def dc_gain(loop):
@@ -198,52 +196,49 @@ BAND_HZ = 24.0, 30.0  # of the paper's board
 
 def warnings(p: LoopParameters, a: Advice, band_hz=BAND_HZ):
     """What to mind, one line each: number, limit, reason."""
-    texts = []
+    out = []
     if not a.stable:
         kind = f"oscillates at {a.growth_hz:.1f} Hz" if a.growth_hz > 0.5 else "runs away"
-        texts.append(f"unstable: {kind}, growing by e every {1e3 * a.growth_tau_s:.3g} ms")
+        out.append(f"unstable: {kind}, growing by e every {1e3 * a.growth_tau_s:.3g} ms")
         if p.split_hz * p.word_ki * p.cv_v_per_m * p.k_vf_n_per_v < 0:
-            texts.append(
+            out.append(
                 f"split {p.split_hz:.1f} Hz has the other sign than that of the nominal board, for which the loops "
                 "are made"
             )
-        return tuple(texts)
+        return tuple(out)
     lag = p.sid_stages * math.degrees(math.atan(abs(p.split_hz) / p.sid_hz))
     if a.gain_margin_up_db is not None and a.gain_margin_up_db < WARN["gain_margin_db"]:
-        texts.append(f"gain margin {a.gain_margin_up_db:.1f} dB is below {WARN['gain_margin_db']:g} dB")
+        out.append(f"gain margin {a.gain_margin_up_db:.1f} dB is below {WARN['gain_margin_db']:g} dB")
     closest = min(a.crossings, key=lambda c: min(c.lag_deg, c.lead_deg), default=None)
     if closest and min(closest.lag_deg, closest.lead_deg) < WARN["phase_margin_deg"]:
         side = "lag" if closest.lag_deg < closest.lead_deg else "lead"
-        texts.append(
+        out.append(
             f"phase margin {min(closest.lag_deg, closest.lead_deg):.0f} deg of {side} at {closest.hz:.1f} Hz is below "
             f"{WARN['phase_margin_deg']:g} deg; the SID lags {lag:.0f} deg at the split, and 180 deg is best"
         )
     if a.peak_db is not None and a.peak_db > WARN["peak_db"]:
-        texts.append(f"closed-loop peak {a.peak_db:.1f} dB at {a.peak_hz:.1f} Hz is above {WARN['peak_db']:g} dB")
+        out.append(f"closed-loop peak {a.peak_db:.1f} dB at {a.peak_hz:.1f} Hz is above {WARN['peak_db']:g} dB")
     low_hz, high_hz = band_hz
     if a.bandwidth_hz is not None and not low_hz <= a.bandwidth_hz <= high_hz:
-        texts.append(f"bandwidth {a.bandwidth_hz:.1f} Hz is outside {low_hz:g} .. {high_hz:g} Hz")
+        out.append(f"bandwidth {a.bandwidth_hz:.1f} Hz is outside {low_hz:g} .. {high_hz:g} Hz")
     if a.ring_tau_s is not None and a.ring_tau_s > WARN["ring_tau_s"]:
-        texts.append(f"the split rings for {a.ring_tau_s:.2f} s (tau), longer than {WARN['ring_tau_s']:g} s")
+        out.append(f"the split rings for {a.ring_tau_s:.2f} s (tau), longer than {WARN['ring_tau_s']:g} s")
     if a.split_db is not None and a.split_db > WARN["split_db"]:
-        texts.append(
-            f"{a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration will show"
-        )
+        out.append(f"{a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration will show")
     turn_deg = math.remainder(math.degrees(p.ye1_rad - p.sense_turn_rad + p.xe2_rad), 360.0)
     if abs(turn_deg) > WARN["leak_deg"]:
         off, leak = 100 / math.cos(lp.DEG * turn_deg) - 100, 100 * math.tan(lp.DEG * turn_deg)
-        texts.append(
+        out.append(
             f"ye1 + xe2' = {turn_deg:.2f} deg is above {WARN['leak_deg']:g} deg: scale factor {off:+.2f} %, and V_q "
             f"must take up {leak:.1f} % of the rate"
         )
-    rounding = limit_cycles.resolution(p)
-    if rounding.dither < WARN["dither_steps"]:
-        texts.append(
-            f"noise at the converter is {rounding.dither:.2f} of its step, below {WARN['dither_steps']:g}: rates "
-            "within "
-            f"+-{3600 * rounding.adc_dead_band_dps:.1f} deg/h of the last one change nothing"
+    r = limit_cycles.resolution(p)
+    if r.dither < WARN["dither_steps"]:
+        out.append(
+            f"noise at the converter is {r.dither:.2f} of its step, below {WARN['dither_steps']:g}: rates within "
+            f"+-{3600 * r.adc_dead_band_dps:.1f} deg/h of the last one change nothing"
         )
-    return tuple(texts)
+    return tuple(out)
 
 
 def advise(p: LoopParameters, band_hz=BAND_HZ):
@@ -263,7 +258,7 @@ AXES = {
 
 
 def varied(p: LoopParameters, **values):
-    """Parts with `sid_hz`, `split_hz` (f_x stays), `crossover` or `zero` (factors on what is configured) changed."""
+    """LoopParameters with other `sid_hz`, `split_hz` (f_x stays), `crossover` or `zero` (factors on the configured)."""
     for name, value in values.items():
         if name == "sid_hz":
             p = p._replace(sid_hz=value)
@@ -279,13 +274,13 @@ def varied(p: LoopParameters, **values):
 
 
 def turned(p, ye1_deg, ye2_deg):
-    """Parts whose sense path has these phases (ye1 node, ye2' loop), lags in deg."""
+    """LoopParameters whose sense path has these phases (ye1 node, ye2' loop), lags in deg."""
     amplifier_rad = sum(math.atan(p.w_rad_s * tau) for tau in p.cv_s)
     return p._replace(ye1_rad=math.radians(ye1_deg), switch_rad=amplifier_rad - math.radians(ye2_deg))
 
 
 def retuned(p: LoopParameters, split_hz):
-    """Parts at another split with the FTR gains scaled as a designer would: the mode's gain goes with 1/split."""
+    """LoopParameters at another split with the FTR gains scaled as a designer would: the mode's goes with 1/split."""
     factor = split_hz / p.split_hz
     return varied(p, split_hz=split_hz, crossover=factor)
 

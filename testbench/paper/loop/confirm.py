@@ -1,7 +1,7 @@
 """The simulated loop beside the linear one: rate profiles for gyroscopes, words of 8 kHz back.
 
-    multisine   sum of A_i sin(2 pi f_i t + phi_i), all f_i multiples of 1/window, read by least squares over the window
-    play_run    each gyroscope from power-on to lock, then its profile
+    multisine     sum of A_i sin(2 pi f_i t + phi_i), all f_i multiples of 1/window, read by least squares over it
+    run_profiles  each gyroscope from power-on to lock, then its profile
 Source    docs/loop.md
 """
 
@@ -50,7 +50,7 @@ def _run_profile(config, rate_dps):
 
 
 def run_profiles(configs, profiles_dps):
-    """[`Played`, ...]; profiles are deg/s per frame. ConfigError if a gyroscope does not lock."""
+    """[`ProfileRun`, ...]; profiles are deg/s per frame. ConfigError if a gyroscope does not lock."""
     return [_run_profile(c, np.asarray(r, float)) for c, r in zip(configs, profiles_dps)]
 
 

@@ -1,6 +1,6 @@
 """What a configuration gives at a temperature, in closed form: scale factor, bias, V_q, noise, phases; nothing runs.
 
-    scale factor, bias, V_q   the loops at rest                         `loop.rest`
+    scale factor, bias, V_q   the loops at rest                         `loop.steady_state`
     ARW                       60/sqrt(2) times the density of the rate  `sensitivity.density_dps`
     bias instability          sqrt(2 ln 2) times the density at 1 Hz behind the demodulator, as rate
     phases                    node phases of xe1, ye1, loop phases xe2', ye2'  `budget`
@@ -49,18 +49,16 @@ def instability_deg_per_h(p: LoopParameters, loop):
 def bias_parts_dps(p: LoopParameters, loop):
     """{source: deg/s}: coupling of damping, and the demodulators' offsets."""
     lsb = advisor.dc_gain(loop) * lp.DEG
-    inputs_by_source = {
+    sources = {
         "damping": (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), 0.0, 0.0, 0.0),
         "sine": (0.0, 0.0, p.sid_offset_v[0], 0.0),
         "cosine": (0.0, 0.0, 0.0, p.sid_offset_v[1]),
     }
-    return {
-        name: float(lp.steady_state(loop, inputs)[lp.WORD_BEFORE]) / lsb for name, inputs in inputs_by_source.items()
-    }
+    return {name: float(lp.steady_state(loop, inputs)[lp.WORD_BEFORE]) / lsb for name, inputs in sources.items()}
 
 
 def derive(config, temp_degc):
-    """`Derived` of a configuration at a temperature; ConfigError as `parts`. About 0.1 s."""
+    """`Derived` of a configuration at a temperature; ConfigError as `loop_parameters`. About 0.1 s."""
     p = loop_parameters(config, temp_degc)
     loop = lp.close(p)
     still = lp.steady_state(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))

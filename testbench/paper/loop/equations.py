@@ -6,7 +6,7 @@
       (7)    baseband              y's component behind the multiplier, per newton of feedback
       (8-11) n1, n2, d1, d2        its polynomials
       (12)   scale_factor          for infinite loop gain
-      (13)   held_signal           y with both loops held: what phi_ye2 is read from
+      (13)   fixed_loop_signal     y with both loops held: what phi_ye2 is read from
       (14)   phi_iq                its angle, from in-phase and quadrature amplitude
 
 Phases    here as in the paper **leads**, in rad; the other pages of this project have lags

@@ -101,7 +101,7 @@ class RoundingEffects(NamedTuple):
 
 
 def resolution(p: LoopParameters):
-    """`Rest` from the parts alone."""
+    """`RoundingEffects` from the parts alone."""
     loop = lp.close(p)
     lsb = float(loop.row @ lp.steady_state(loop, (lp.DEG, 0, 0, 0)))
     open_loop = lp.Loop(*lp.assemble(lp.frame(p), lp.gains(p), 0.0, 0.0)[:2], None, None, None, p.frame_s)

@@ -86,7 +86,7 @@ class Frame(NamedTuple):
     d: np.ndarray  # (3, 2, 6)
 
 
-def _discretise(a, b, seconds):
+def _piece_map(a, b, seconds):
     n, m = b.shape
     both = expm(np.block([[a, b], [np.zeros((m, n + m))]]) * seconds)
     return both[:n, :n], both[:n, n:]
@@ -99,12 +99,9 @@ def frame(p: LoopParameters):
     old, new = np.zeros((len(a), 6)), np.zeros((len(a), 6))
     for wide, column in ((old, IN_BEFORE), (new, IN_AFTER)):
         wide[:, [IN_RATE, IN_KAPPA, column]] = b
-    at, remainder_s = divmod(p.word_acts_s, sample_s)
-    plain, change = (
-        _discretise(a, old, sample_s),
-        (_discretise(a, old, remainder_s), _discretise(a, new, sample_s - remainder_s)),
-    )
-    after = _discretise(a, new, sample_s)
+    at, part_s = divmod(p.word_acts_s, sample_s)
+    plain, change = (_piece_map(a, old, sample_s), (_piece_map(a, old, part_s), _piece_map(a, new, sample_s - part_s)))
+    after = _piece_map(a, new, sample_s)
     f, g = np.eye(len(a)), np.zeros((len(a), 6))
     c, d = np.zeros((3, 2, len(a))), np.zeros((3, 2, 6))
     for m in range(p.samples):
@@ -157,20 +154,18 @@ def assemble(fr: Frame, k: Gains, ftr=1.0, qsc=1.0, broken=False):
     n = len(fr.f)
     size = n + TAIL
     a, b, word_in = np.zeros((size, size)), np.zeros((size, 4)), np.zeros(size)
-    input_map = np.zeros((6, size))
-    input_map_b = np.zeros((6, 4))
-    input_map[IN_KAPPA, U_BEFORE] = -k.u_n_per_m
-    input_map[IN_BEFORE, WORD_BEFORE] = 1.0
-    input_map[IN_AFTER, WORD] = 1.0
-    input_map_b[IN_RATE, RATE] = input_map_b[IN_KAPPA, STIFFNESS] = input_map_b[IN_SIN, OFFSET_SIN] = input_map_b[
-        IN_COS, OFFSET_COS
-    ] = 1.0
+    hold = np.zeros((6, size))
+    hold_b = np.zeros((6, 4))
+    hold[IN_KAPPA, U_BEFORE] = -k.u_n_per_m
+    hold[IN_BEFORE, WORD_BEFORE] = 1.0
+    hold[IN_AFTER, WORD] = 1.0
+    hold_b[IN_RATE, RATE] = hold_b[IN_KAPPA, STIFFNESS] = hold_b[IN_SIN, OFFSET_SIN] = hold_b[IN_COS, OFFSET_COS] = 1.0
     state = np.zeros((n, size))
     state[:, :n] = np.eye(n)
-    a[:n] = fr.f @ state + fr.g @ input_map
-    b[:n] = fr.g @ input_map_b
-    sums = [fr.c[j] @ state + fr.d[j] @ input_map for j in range(3)]
-    sums_b = [fr.d[j] @ input_map_b for j in range(3)]
+    a[:n] = fr.f @ state + fr.g @ hold
+    b[:n] = fr.g @ hold_b
+    sums = [fr.c[j] @ state + fr.d[j] @ hold for j in range(3)]
+    sums_b = [fr.d[j] @ hold_b for j in range(3)]
     codes, codes_b = k.code_per_v * sums[0], k.code_per_v * sums_b[0]
     for channel, (now, later) in enumerate(((NEXT_SIN, LATER_SIN), (NEXT_COS, LATER_COS))):
         codes[channel, now] += k.code_per_v

@@ -113,10 +113,7 @@ def tables(study):
             ("ring, share of a step, from 0.2 s on", f"{100 * n.ring_without:.3f}", f"{100 * n.ring_with:.3f}", "%"),
             ("bandwidth", f"{n.bandwidth_without_hz:.2f}", f"{n.bandwidth_with_hz:.2f}", "Hz"),
             ("delay added", "0", f"{n.delay_ms:.3f}", "ms"),
-            *(
-                (f"left when the ring is {off} Hz off", "0", f"{remaining_db:.1f}", "dB")
-                for off, remaining_db in n.left_db.items()
-            ),
+            *((f"left when the ring is {off} Hz off", "0", f"{level:.1f}", "dB") for off, level in n.left_db.items()),
         ]
         whose = "The firmware's notch" if study.in_firmware else "A notch"
         title = f"{whose} in the rate output, {n.centre_hz:.1f} Hz, {n.width_hz:g} Hz wide"
@@ -213,16 +210,14 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
 
     p, a = study.parts, study.advice
     pictures, page_tables = [], tables(study)
-    stability_maps = [
-        advisor.stability_map(p, x, xs[::coarse], y, ys[::coarse], progress) for x, xs, y, ys in map_axes(p)
-    ]
+    maps = [advisor.stability_map(p, x, xs[::coarse], y, ys[::coarse], progress) for x, xs, y, ys in map_axes(p)]
     operating_point = {"sid_hz": p.sid_hz, "split_hz": p.split_hz, "crossover": 1.0, "zero": 1.0}
     pictures.append(
         (
             "Three maps of the closed loop's largest value. Red: border of stability; star: this configuration. Left: "
             "the FTR gain follows the split, so that the crossover stays; too small a split or too fast a SID is "
             "unstable, because at the split the SID must lag by more than 90 deg.",
-            draw.draw_maps(stability_maps, [(operating_point[m.x], operating_point[m.y]) for m in stability_maps]),
+            draw.draw_maps(maps, [(operating_point[m.x], operating_point[m.y]) for m in maps]),
         )
     )
     if a.stable:

@@ -118,7 +118,7 @@ def word_acts_s(config):
 
 
 def _by_design(config, device, f_hz):
-    """(fields of `Parts` that [design] decides, what the hold over a tick leaves of a tone at f)."""
+    """(fields of `LoopParameters` that [design] decides, what the hold over a tick leaves of a tone at f)."""
     record, code_bits = config.design_record(), chips.design_chips(config.design).sense.bits
     turn, full_sine = math.pi * f_hz / record.tick_hz, sine.OUT.for_design(record)
     grid = math.sin(turn) / turn
@@ -133,7 +133,7 @@ def _by_design(config, device, f_hz):
 
 
 def loop_parameters(config, temp_degc=None):
-    """`Parts` of a configuration at `temp_degc` (default: the scenario's first temperature).
+    """`LoopParameters` of a configuration at `temp_degc` (default: the scenario's first temperature).
 
     Raises ConfigError for the board or the converter clock that this analysis is not made for, and for a [design]
     that cannot work.

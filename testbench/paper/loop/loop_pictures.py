@@ -86,22 +86,15 @@ def closed(p, simulated=None, lines_hz=confirm.LINES_HZ):
     top.axhline(-3.01, color=GREY, linestyle=":", linewidth=1.2, label="-3 dB")
     if simulated is not None:
         lines = np.array(lines_hz, float)
-        simulated_gain = simulated / (dc * lp.DEG)
+        gain = simulated / (dc * lp.DEG)
         want = lp.response(loop, lines) / dc
-        top.plot(
-            lines,
-            20 * np.log10(np.abs(simulated_gain)),
-            "o",
-            color=VERMILION,
-            markersize=5,
-            label="simulated, multisine",
-        )
-        middle.plot(lines, _lags(simulated_gain), "o", color=VERMILION, markersize=5, label="simulated, multisine")
-        ratio, difference_axis = simulated_gain / want, axes[2, 0]
-        difference_axis.semilogx(lines, 20 * np.log10(np.abs(ratio)), "o-", color=BLUE, label="magnitude (dB)")
-        difference_axis.semilogx(lines, np.degrees(np.angle(ratio)), "s--", color=VERMILION, label="phase (deg)")
-        difference_axis.set_xlim(top.get_xlim())
-        name_axes(difference_axis, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
+        top.plot(lines, 20 * np.log10(np.abs(gain)), "o", color=VERMILION, markersize=5, label="simulated, multisine")
+        middle.plot(lines, _lags(gain), "o", color=VERMILION, markersize=5, label="simulated, multisine")
+        ratio, lower = gain / want, axes[2, 0]
+        lower.semilogx(lines, 20 * np.log10(np.abs(ratio)), "o-", color=BLUE, label="magnitude (dB)")
+        lower.semilogx(lines, np.degrees(np.angle(ratio)), "s--", color=VERMILION, label="phase (deg)")
+        lower.set_xlim(top.get_xlim())
+        name_axes(lower, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
     name_axes(top, y="magnitude (dB)", legend="lower left")
     name_axes(middle, "frequency (Hz)" if simulated is None else "", "phase (deg)", "lower left")
     return figure
@@ -152,7 +145,7 @@ def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
 
 
 def on_log_plane(axis, operating_point):
-    """A map over two logarithmic rulers, grey where it has no value, with a star at the point `here`."""
+    """A map over two logarithmic rulers, grey where it has no value, with a star at `operating_point`."""
     axis.grid(False)
     axis.set_facecolor(UNSTABLE)
     axis.plot(*operating_point, markersize=16, **STAR)
@@ -164,14 +157,12 @@ def on_log_plane(axis, operating_point):
         ruler.set_minor_formatter(NullFormatter())
 
 
-def draw_maps(stability_maps, operating_points):
-    """Stability maps side by side; `here` is (x, y) of the configuration in each."""
-    figure, axes = make_axes("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(stability_maps))
-    for axis, m, point in zip(axes[0], stability_maps, operating_points):
-        clipped_db = np.where(np.isfinite(m.peak_db), np.clip(m.peak_db, -1, 12), np.nan)
-        mesh = axis.pcolormesh(
-            m.x_values, m.y_values, clipped_db, cmap="viridis_r", vmin=-1, vmax=12, shading="nearest"
-        )
+def draw_maps(maps, points):
+    """Stability maps side by side; `points` are (x, y) of the configuration in each."""
+    figure, axes = make_axes("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(maps))
+    for axis, m, point in zip(axes[0], maps, points):
+        db = np.where(np.isfinite(m.peak_db), np.clip(m.peak_db, -1, 12), np.nan)
+        mesh = axis.pcolormesh(m.x_values, m.y_values, db, cmap="viridis_r", vmin=-1, vmax=12, shading="nearest")
         edge = np.where(np.isfinite(m.peak_db), 0.0, 1.0)
         if 0 < edge.mean() < 1:
             axis.contour(m.x_values, m.y_values, edge, levels=[0.5], colors=[VERMILION], linewidths=2)

@@ -2,7 +2,7 @@
 
     H(z)   that of `fpga_model.notch`: second order at `centre`, -3 dB over `width`, 1 at 0 Hz, on the words of the
            frames; behind the loop, so it changes no margin
-    inside in front of the PI it takes away the feedback that damps the sense mode (`inside`)
+    inside in front of the PI it takes away the feedback that damps the sense mode (`close_with_notch`)
     cost   bandwidth and delay of the output; and it must meet the ring, which moves with the split
 
 Source    docs/loop.md

@@ -57,7 +57,7 @@ RESOLUTION = {
 
 
 class Parameter(NamedTuple):
-    """What is moved: a configuration key or a field of `Parts`, by `step` (absolute, or a share of its value)."""
+    """What is moved: a configuration key or a field of `LoopParameters`, by `step` (absolute, or a share of it)."""
 
     name: str
     kind: str  # latency, pole, word length, gain, resonator, environment

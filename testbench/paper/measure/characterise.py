@@ -153,7 +153,7 @@ def flatten_curves(results):
 
 
 def restore_curves(flat_results):
-    """The inverse of `flat`."""
+    """The inverse of `flatten_curves`."""
     out = dict(flat_results)
     for name in CURVES:
         if isinstance(out.get(name), str) and out[name]:

@@ -25,7 +25,7 @@ def case_style(case):
 
 
 def draw_marks(axis, x, y, sigma, label, shift_pt=0.0, **style):
-    """Marks with error bars, `beside` typographic points from their place; a sigma that is None or nan has no bar."""
+    """Marks with error bars, `shift_pt` typographic points from their place; a sigma that is None or nan has no bar."""
     transform = axis.transData + ScaledTranslation(shift_pt / 72, 0, axis.figure.dpi_scale_trans)
     bars = np.array([np.nan if s is None else s for s in sigma], float)
     style = {

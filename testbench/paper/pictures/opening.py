@@ -93,14 +93,12 @@ def cases(points, names, printed, title, caption, file):
     temps = sorted({t for _, t in points})
     for axis, (name, sigma, label) in zip(axes.ravel(), QUANTITIES):
         for k, case in enumerate(names):
-            case_points = [(t, points[case, t]) for t in temps if points.get((case, t), {}).get(name) is not None]
-            draw.draw_marks(axis, [t for t, _ in case_points],
-                        [p[name] for _, p in case_points],
-                        [p.get(sigma) for _, p in case_points], f"case {case}", draw.mark_shift_pt(k, len(names)), **draw.case_style(case))  # fmt: skip
-        paper_values = printed.get(name)
-        if paper_values:
-            draw.draw_marks(axis, list(paper_values), [v for v, _ in paper_values.values()],
-                        [s for _, s in paper_values.values()],
+            rows = [(t, points[case, t]) for t in temps if points.get((case, t), {}).get(name) is not None]
+            draw.draw_marks(axis, [t for t, _ in rows], [p[name] for _, p in rows], [p.get(sigma) for _, p in rows],
+                        f"case {case}", draw.mark_shift_pt(k, len(names)), **draw.case_style(case))  # fmt: skip
+        paper = printed.get(name)
+        if paper:
+            draw.draw_marks(axis, list(paper), [v for v, _ in paper.values()], [s for _, s in paper.values()],
                         "paper, mean of cases 1 to 3, its spread", color=GREY, marker="x", markersize=9,
                         elinewidth=2)  # fmt: skip
         axis.margins(x=0.12)

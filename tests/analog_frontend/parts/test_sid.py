@@ -297,7 +297,7 @@ def test_leakage_is_a_charge_at_each_edge():
     mean_v = (turn @ start)[5] / (2 * half_s)
     jump_v = sid.injection_volts(0.0, 0.0, c_f, leak_a * half_s)
     assert jump_v[3:] == (0.0, 0.0, 0.0)
-    # three stages of 2 R C f jumps, and a quarter of one above: what `loop.parts` takes for both
+    # three stages of 2 R C f jumps, and a quarter of one above: what `loop_parameters` takes for both
     assert mean_v == pytest.approx(jump_v[0] * (6 * RC * F + 0.25), rel=0.005)
 
 
