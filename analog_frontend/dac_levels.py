@@ -30,7 +30,7 @@ STRING_BITS = 5
 ELEMENTS = 1 << STRING_BITS
 MAX_BITS = 24
 MAX_LSB = 64.0
-LEFT, RIGHT, WEIGHTS, SIZE = 0, ELEMENTS, 2 * ELEMENTS, 2 * ELEMENTS + MAX_BITS
+START, END, WEIGHTS, SIZE = 0, ELEMENTS, 2 * ELEMENTS, 2 * ELEMENTS + MAX_BITS
 TEXT = re.compile(r"\s*(element|step)\s+(\d+)/(\d+)\s*=\s*(\S+)\s*|\s*(bit)\s+(\d+)\s*=\s*(\S+)\s*")
 
 
@@ -74,11 +74,11 @@ def table(texts, bits):
         fine = ELEMENTS // count
         first = (number - 1) * fine
         if kind == "step":
-            out[LEFT : LEFT + ELEMENTS] += error * (elements >= first)
-            out[RIGHT : RIGHT + ELEMENTS] += error * (elements >= first)
+            out[START : START + ELEMENTS] += error * (elements >= first)
+            out[END : END + ELEMENTS] += error * (elements >= first)
         else:
-            out[LEFT : LEFT + ELEMENTS] += error * np.clip((elements - first) / fine, 0.0, 1.0)
-            out[RIGHT : RIGHT + ELEMENTS] += error * np.clip((elements + 1 - first) / fine, 0.0, 1.0)
+            out[START : START + ELEMENTS] += error * np.clip((elements - first) / fine, 0.0, 1.0)
+            out[END : END + ELEMENTS] += error * np.clip((elements + 1 - first) / fine, 0.0, 1.0)
     return out
 
 
@@ -98,8 +98,8 @@ def volts(p, code):
     low_bits = p.bits - STRING_BITS
     k = position >> low_bits
     remainder = position - (k << low_bits)
-    start_v = p.table_v[LEFT + k]
-    error = start_v + (p.table_v[RIGHT + k] - start_v) * (float(remainder) / float(1 << low_bits))
+    start_v = p.table_v[START + k]
+    error = start_v + (p.table_v[END + k] - start_v) * (float(remainder) / float(1 << low_bits))
     for b in range(p.bits):
         if (position >> b) & 1:
             error = error + p.table_v[WEIGHTS + b]

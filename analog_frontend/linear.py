@@ -63,7 +63,7 @@ ROWS = 62
 INPUTS = (0, 1, 2, 3, 4, 5, U_DRIVE, DU_DRIVE, U_SENSE, DU_SENSE, JIT_DRIVE, JIT_SENSE, F_X, F_Y)
 STATE_ROWS = (D1, D2, D3, S1, S2, S3, X, VX, Y, VY, CX1, CX2, CX3, CY1, CY2, CY3)
 FORCED_COUNT = len(INPUTS)
-PLACES = np.array(STATE_ROWS) * STRIDE  # of each state, for laws
+STATE_OFFSETS = np.array(STATE_ROWS) * STRIDE  # of each state, for laws
 
 
 @inlined
@@ -152,9 +152,9 @@ def _step_modes(g, w, n, e, laws, gains, pushed):
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
         if pushed:
-            add_x = effects.force_impulse(e, x, law.acting(w, PLACES, law.U, t, t + 1, laws.leads))
+            add_x = effects.force_impulse(e, x, law.acting(w, STATE_OFFSETS, law.U, t, t + 1, laws.leads))
             if laws.force:
-                law_x, law_y = law.impulses(laws.force, laws.table, gains, w, PLACES, t, t + 1, laws.leads)
+                law_x, law_y = law.impulses(laws.force, laws.table, gains, w, STATE_OFFSETS, t, t + 1, laws.leads)
                 add_x, vy = add_x + law_x, vy + law_y
                 w[VY * STRIDE + t] = vy
             vx = vx + add_x
@@ -200,7 +200,7 @@ def _drive_pickoff(q, w, n, x, vx, end_vx, out):
 
 
 @inlined
-def _path(g, w, n, first, row, column, out):
+def _advance_sid_path(g, w, n, first, row, column, out):
     """The SID's path of one channel: what stands there is b; the C/V states are added."""
     for t in range(0, n, LANES):
         c1, c2, c3 = load(w, row * STRIDE + t), load(w, (row + 1) * STRIDE + t), load(w, (row + 2) * STRIDE + t)
@@ -221,8 +221,8 @@ def pickoffs(g, q, w, n, pushed):
     _drive_pickoff(q[0], w, n, X * STRIDE, VX * STRIDE, x_end, B_CV * STRIDE)
     _drive_pickoff(q[1], w, n, Y * STRIDE, VY * STRIDE, y_end, (B_CV + 3) * STRIDE)
     _pairs_of_three(g, w, n, 10, CX1, B_CV, 13, CY1, B_CV + 3)
-    _path(g, w, n, 10, CX1, PX1, PATH)
-    _path(g, w, n, 13, CY1, PY1, PATH + 3)
+    _advance_sid_path(g, w, n, 10, CX1, PX1, PATH)
+    _advance_sid_path(g, w, n, 13, CY1, PY1, PATH + 3)
 
 
 @inlined

@@ -10,7 +10,7 @@ from analog_frontend import ring_tables
 from analog_frontend.parts import ring_cycle, ring_diode
 
 SMALL_F = 1e-15
-NEAR_C0 = 0.98
+MOST_C0_SHARE = 0.98
 ROUNDS = 24  # of the search: 1e-7 of the amplitude
 
 
@@ -22,7 +22,7 @@ def limit_m(device, temp_degc):
 def demodulated_v_per_m(device, temp_degc, amplitude_m):
     """Gain (V/m) of the drive's ring as a square-wave demodulator sees it at an amplitude."""
     circuit, slope = ring_tables.circuit(device, "drive", temp_degc), device.dcdx_f_per_m
-    return ring_cycle.large(circuit, abs(slope) * amplitude_m).seen_v_per_f * slope
+    return ring_cycle.large(circuit, abs(slope) * amplitude_m).demodulated_v_per_f * slope
 
 
 def delay_s(device, channel, temp_degc, amplitude_m=0.0):
@@ -39,9 +39,9 @@ def amplitude_m(device, temp_degc, demodulated_v):
 @functools.lru_cache(maxsize=256)
 def _amplitude_f(circuit, demodulated_v):
     def volts(dc_f):
-        return ring_cycle.large(circuit, dc_f).seen_v_per_f * dc_f
+        return ring_cycle.large(circuit, dc_f).demodulated_v_per_f * dc_f
 
-    low_f, high_f = SMALL_F, NEAR_C0 * circuit.c0_f
+    low_f, high_f = SMALL_F, MOST_C0_SHARE * circuit.c0_f
     if volts(high_f) < demodulated_v:
         raise ValueError(
             f"plant.ring_saturation_on = 1: the set-point is {demodulated_v:g} V behind the ring, which gives "

@@ -50,7 +50,7 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s, temp_degc):
             if laws.cv:
                 gain = s.work.gains
                 law_x, law_y = law.volts(
-                    laws.force, laws.cv, laws.table, laws.numbers, gain, w, linear.PLACES, t, t + 1
+                    laws.force, laws.cv, laws.table, laws.numbers, gain, w, linear.STATE_OFFSETS, t, t + 1
                 )
                 x_volts, y_volts = x_volts + law_x, y_volts + law_y
             if ring.on:

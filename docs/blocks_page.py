@@ -2,7 +2,7 @@
 
 from fpga_model import block
 from testbench.console.markdown import markdown
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.golden.stimulus import blocks
 
 

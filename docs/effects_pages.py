@@ -23,7 +23,7 @@ from testbench.console.markdown import replaced  # noqa: E402
 from testbench.measured.closed_loop import loop_runs  # noqa: E402
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run  # noqa: E402
 from testbench.measured.closed_loop.loop_tangents import use_uniform_references  # noqa: E402
-from testbench.measured.record.plan import Condition  # noqa: E402
+from testbench.measured.record.recording_plan import Condition  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
 FOLDER = ROOT / "docs" / "effects"

@@ -20,7 +20,7 @@ from fpga_model import fault_monitor, sequencer  # noqa: E402
 from fpga_model.rates import FRAME_HZ, TICK_HZ  # noqa: E402
 from testbench.config import Config, changed  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
-from testbench.console.table import Table  # noqa: E402
+from testbench.console.text_table import Table  # noqa: E402
 from testbench.run import simulate  # noqa: E402
 from testbench.run.anomaly_warnings import AnomalyDetector  # noqa: E402
 from testbench.run.repeated_code_probability import adc_alarm, sar_alarm  # noqa: E402

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 from testbench.console.markdown import markdown
-from testbench.paper.inference import page
+from testbench.paper.inference import inference_page
 
 FOUND = Path(__file__).parent / "boards" / "paper_inferred.json"
 
@@ -28,17 +28,17 @@ def _part(*tables):
 
 def summary_part():
     """The sentences of the page."""
-    return "\n".join(f"- {line}" for line in page.summary(found()))
+    return "\n".join(f"- {line}" for line in inference_page.summary(found()))
 
 
 PARTS = {
     "summary": summary_part,
-    "classes": _part(page.classes_table),
-    "changes": _part(page.changes_table),
-    "held_changes": _part(page.holdout_changes_table, page.sign_table),
-    "decide": _part(page.measurements_table),
-    "choices": _part(page.choices_table, page.modes_table),
-    "numbers": _part(page.numbers_table),
-    "rows": _part(page.rows_table),
-    "held": _part(page.holdout_table),
+    "classes": _part(inference_page.classes_table),
+    "changes": _part(inference_page.changes_table),
+    "held_changes": _part(inference_page.holdout_changes_table, inference_page.sign_table),
+    "decide": _part(inference_page.measurements_table),
+    "choices": _part(inference_page.choices_table, inference_page.modes_table),
+    "numbers": _part(inference_page.numbers_table),
+    "rows": _part(inference_page.rows_table),
+    "held": _part(inference_page.holdout_table),
 }

@@ -20,9 +20,9 @@ from scipy.optimize import brentq, nnls
 from analog_frontend.parts import thermal
 from testbench.config import Config, changed
 from testbench.console.markdown import markdown
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.judge import numbers
-from testbench.paper.calibration import boards
+from testbench.paper.calibration import calibration_boards
 from testbench.paper.loop import derived, temperature_tables
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.loop_parameters import loop_parameters
@@ -246,7 +246,7 @@ def bias_part():
     heads = ("bias in deg/s", *(f"{t:g} degC" for t in TEMPS), "chi2, one degree of freedom")
     known, room = bias_columns(), TEMPS.index(25.0)
     per = ", ".join(f"{text} {unit:g}{suffix}: {found[room]:.3f}" for found, text, unit, suffix in known.values())
-    charge, mismatch = (boards.SPREAD[f"sid_charge_{name}"] for name in ("c", "mismatch"))
+    charge, mismatch = (calibration_boards.SPREAD[f"sid_charge_{name}"] for name in ("c", "mismatch"))
     square = math.prod((a * a + a * b + b * b) / 3 for a, b in (charge, mismatch))
     found, _, unit_pc, _ = known["charge"]
     return (

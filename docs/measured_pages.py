@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from testbench.console.markdown import markdown, replaced  # noqa: E402
-from testbench.console.table import Table  # noqa: E402
+from testbench.console.text_table import Table  # noqa: E402
 from testbench.measured.exam.part_page import is_unexplained, number  # noqa: E402
 from testbench.measured.sets_report import residual_words  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402

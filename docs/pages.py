@@ -41,11 +41,11 @@ from fpga_model import registers  # noqa: E402
 from testbench import config  # noqa: E402
 from testbench.config import Config  # noqa: E402
 from testbench.console.markdown import markdown, replaced  # noqa: E402
-from testbench.console.table import Table, fixed_digits  # noqa: E402
+from testbench.console.text_table import Table, fixed_digits  # noqa: E402
 from testbench.judge import judge, phases  # noqa: E402
-from testbench.judge.verdict import NOT_COMPUTED  # noqa: E402
+from testbench.judge.number_verdict import NOT_COMPUTED  # noqa: E402
 from testbench.paper import closed_form, judge_table, simulated  # noqa: E402
-from testbench.run import budget, tables  # noqa: E402
+from testbench.run import budget, run_tables  # noqa: E402
 from testbench.run.budget import NODES, PAPER_DEG  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
@@ -86,8 +86,11 @@ def budget_summary(planned, plain):
 def budget_part():
     """Summary and four tables of the default configuration."""
     planned, plain = budget.budgets(Config())
-    parts = [f"At {planned.frequency_hz:.1f} Hz and 25 degC. {tables.FITTED}", markdown(budget_summary(planned, plain))]
-    for table in tables.budget_tables(planned, plain):
+    parts = [
+        f"At {planned.frequency_hz:.1f} Hz and 25 degC. {run_tables.FITTED}",
+        markdown(budget_summary(planned, plain)),
+    ]
+    for table in run_tables.budget_tables(planned, plain):
         parts += [f"### {table.title.split(', at ')[0].replace('  ', ': ', 1)}", markdown(table)]
     return "\n\n".join(parts)
 
@@ -132,7 +135,7 @@ def rivals_part():
         rows.append((text, xe1, f"{gaps_ns[0]:+.0f} ns", ye1, f"{gaps_ns[1]:+.0f} ns"))
     rows.append(("the paper", fixed_digits(PAPER_DEG["xe1"], 4), "", fixed_digits(PAPER_DEG["ye1"], 4), ""))
     heads = ("hardware", "xe1 deg", "less paper", "ye1 deg", "less paper")
-    return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{tables.FITTED}"
+    return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{run_tables.FITTED}"
 
 
 # ---- the paper's numbers ---------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import re
 
-from testbench.golden.ranges import ranges, wiring
+from testbench.golden.ranges import range_wiring, ranges
 from testbench.golden.stimulus import blocks
 
 
@@ -55,7 +55,7 @@ def registers_part():
 def wiring_part():
     """Table of the instances in control and top for docs/ranges.md."""
     rows = []
-    for name, one in wiring.instances().items():
+    for name, one in range_wiring.instances().items():
         tight = min(one.links, key=lambda link: link.spare)
         ends = f"{tight.port} {tight.lo} .. {tight.hi} in {tight.fmt}"
         proven = sum(r.proven is not None for r in one.analysis.registers)

@@ -64,7 +64,7 @@ class Block(NamedTuple):
     split           registers whose value has a box of its own; `name?` only tells 0 from the rest
     relations       sums {register: coefficient} that are kept as tightly as the registers
     stops           values where a widened bound may stop before the end of its format
-    apart           whether the ways through `step` stay apart
+    separate_paths  whether the ways through `step` stay apart
     """
 
     place: int
@@ -84,7 +84,7 @@ class Block(NamedTuple):
     split: tuple = ()
     relations: object = ()
     stops: object = ()
-    apart: bool = False
+    separate_paths: bool = False
 
 
 class Cast(NamedTuple):
@@ -208,14 +208,14 @@ def arguments(module):
 def structure(module, design=DEFAULT):
     """{argument: value} of what `step` takes of a design: the record `d` itself, and `rom`, the module's `table`."""
     names = arguments(module)
-    found = {"d": design} if "d" in names else {}
-    return found | ({"rom": module.table(design)} if "rom" in names else {})
+    values = {"d": design} if "d" in names else {}
+    return values | ({"rom": module.table(design)} if "rom" in names else {})
 
 
 def shapes(module, design=DEFAULT):
     """{argument: formats} of what a row of inputs is made of, in order; `p` if the parameters are inputs."""
-    found = {"p": formats(module.Params, design)} if module.BLOCK.runtime_params else {}
-    return found | {name: design_formats(shape, design) for name, shape in module.BLOCK.inputs.items()}
+    argument_formats = {"p": formats(module.Params, design)} if module.BLOCK.runtime_params else {}
+    return argument_formats | {name: design_formats(shape, design) for name, shape in module.BLOCK.inputs.items()}
 
 
 def parameters(module, design=DEFAULT):
@@ -227,20 +227,20 @@ def parameters(module, design=DEFAULT):
 
 def inputs(module, design=DEFAULT):
     """[(flat name, format)] of the input ports."""
-    given, found = parameters(module, design), []
+    parameter_names, port_formats = parameters(module, design), []
     for name, shape in shapes(module, design).items():
-        prefix = "" if name == "p" else f"i_{name}" if name in given else name
-        found += [(port_name(path), fmt) for path, fmt in leaves(shape, prefix)]
-    return found
+        prefix = "" if name == "p" else f"i_{name}" if name in parameter_names else name
+        port_formats += [(port_name(path), fmt) for path, fmt in leaves(shape, prefix)]
+    return port_formats
 
 
 def pins(module, design=DEFAULT):
     """[(flat name, format)] of the output pins; those of a record have the names of its fields."""
-    found = []
+    port_formats = []
     for name, shape in module.BLOCK.outputs.items():
         prefix = "" if isinstance(shape, type) else name
-        found += [(port_name(path), fmt) for path, fmt in leaves(design_formats(shape, design), prefix)]
-    return found
+        port_formats += [(port_name(path), fmt) for path, fmt in leaves(design_formats(shape, design), prefix)]
+    return port_formats
 
 
 def state_modules(state):
@@ -253,16 +253,16 @@ def state_modules(state):
 
 def inherited(module, get):
     """{prefix: value of `get`} of a block and of those within it that declare themselves."""
-    found = {"": get(module.BLOCK)}
+    by_prefix = {"": get(module.BLOCK)}
     for field, part in state_modules(module.State).items():
-        found |= {f"{field}_{prefix}": value for prefix, value in inherited(part, get).items()}
-    return found
+        by_prefix |= {f"{field}_{prefix}": value for prefix, value in inherited(part, get).items()}
+    return by_prefix
 
 
 def rules(module):
     """{register: (rounding, overflow)}, with those of the blocks within."""
-    return {prefix + name: rule for prefix, found in inherited(module, lambda b: b.rules).items()
-            for name, rule in found.items()}  # fmt: skip
+    return {prefix + name: rule for prefix, block_rules in inherited(module, lambda b: b.rules).items()
+            for name, rule in block_rules.items()}  # fmt: skip
 
 
 def cases(module, design=DEFAULT):
@@ -308,8 +308,8 @@ def _text(shape, column):
     """Source of an argument from the columns of a row `r`."""
     if isinstance(shape, Fmt):
         return f"r[{next(column)}]"
-    listed = ", ".join(_text(item, column) for item in shape)
-    return f"{type(shape).__name__}({listed})" if hasattr(shape, "_fields") else f"({listed},)"
+    elements = ", ".join(_text(item, column) for item in shape)
+    return f"{type(shape).__name__}({elements})" if hasattr(shape, "_fields") else f"({elements},)"
 
 
 def _paths(record, text):

@@ -32,22 +32,22 @@ def _digest_code(code):
     return _codes[code]
 
 
-def _values(path, value, names):
+def _bound_values(path, value, names):
     """(path, value) behind a name; behind that of a module of ours, what of it has one of the other names."""
     if not isinstance(value, ModuleType):
         yield path, value
     elif value.__name__.partition(".")[0] not in LIBRARIES:
         for name in sorted(names & vars(value).keys()):
-            yield from _values(f"{path}.{name}", vars(value)[name], names - {name})
+            yield from _bound_values(f"{path}.{name}", vars(value)[name], names - {name})
 
 
 def _bound(function):
     """[(path, value)] of all that the code of a function names."""
-    names, known = _digest_code(function.__code__)[1], function.__globals__
-    found = [("", cell.cell_contents) for cell in function.__closure__ or ()]
-    for name in sorted(names & known.keys()):
-        found += _values(name, known[name], names)
-    return found
+    names, global_values = _digest_code(function.__code__)[1], function.__globals__
+    bound_values = [("", cell.cell_contents) for cell in function.__closure__ or ()]
+    for name in sorted(names & global_values.keys()):
+        bound_values += _bound_values(name, global_values[name], names)
+    return bound_values
 
 
 def _describe(value, functions):
@@ -102,5 +102,5 @@ def compiled(function):
 def replaced():
     """Names of compiled functions in which a name stands for something else now: their machine code is outdated."""
     # another thread may compile meanwhile
-    noted = tuple(_compiled.items())
-    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in noted if _digest_function(f) != was)
+    digests = tuple(_compiled.items())
+    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in digests if _digest_function(f) != was)

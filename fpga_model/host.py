@@ -52,7 +52,7 @@ class Pins(NamedTuple):
 
 
 INPUTS_FMT, PINS_FMT, STATE_FMT = formats(Inputs), formats(Pins), formats(State)
-REST = Inputs(1, 0, 0)  # nobody talks
+IDLE_INPUTS = Inputs(1, 0, 0)  # nobody talks
 
 
 @inlined

@@ -38,7 +38,7 @@ LOCK_AT = STATE_AT + STATE_BITS.width
 K_AT = LOCK_AT + LOCK_BITS.width
 STATUS = bits(K_AT + K_BITS.width)
 NEW, OVERRUN = (1 << STATUS.width), (2 << STATUS.width)
-HELD = bits(STATUS.width + 2)
+SAMPLE_STATUS_FMT = bits(STATUS.width + 2)
 STATUS_BITS = ("PENDING", "LOCKED", "FAULT", "OVERRUN", "DATA_READY")  # of bus_status, the lowest first
 LOCKED = sequencer.LOCKED
 MANY = 2
@@ -71,7 +71,7 @@ def _rows():
             "bus.held_temperature",
             "TEMPERATURE of the sample",
         ),
-        ("sample_status", HELD, "ro", "bits", "bus.held_status", f"of the sample: {status}"),
+        ("sample_status", SAMPLE_STATUS_FMT, "ro", "bits", "bus.held_status", f"of the sample: {status}"),
         (
             "sample_number",
             NUMBER,
@@ -92,8 +92,8 @@ MAP = tuple(_rows())
 def sample_status_fields():
     """{field: (lowest bit, bits)} of SAMPLE_STATUS."""
     names = ("FLAGS", "STATE", "LOCK", "K", "NEW", "OVERRUN")
-    places = (0, STATE_AT, LOCK_AT, K_AT, STATUS.width, STATUS.width + 1, HELD.width)
-    return {name: (at, end - at) for name, at, end in zip(names, places[:-1], places[1:], strict=True)}
+    bit_offsets = (0, STATE_AT, LOCK_AT, K_AT, STATUS.width, STATUS.width + 1, SAMPLE_STATUS_FMT.width)
+    return {name: (at, end - at) for name, at, end in zip(names, bit_offsets[:-1], bit_offsets[1:], strict=True)}
 
 
 SAMPLE_RATE = MAP[0].address << REGISTER_AT
@@ -137,7 +137,7 @@ class State(NamedTuple):
     status: STATUS = 0
     number: NUMBER = 0
     held_temperature: rate_output.T = 0
-    held_status: HELD = 0
+    held_status: SAMPLE_STATUS_FMT = 0
     held_number: NUMBER = 0
     unread: bits(2) = 0
     unread_after: bits(2) = 0

@@ -85,5 +85,5 @@ BLOCK = Block(
     wait=LATENCY,
     split=("busy", "i"),
     relations=({"remainder": 1, "root": -2},),
-    apart=True,
+    separate_paths=True,
 )

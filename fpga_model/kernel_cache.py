@@ -41,11 +41,14 @@ IMPORT = re.compile(
     rf"|import[ \t]+((?:{'|'.join(PACKAGES)})[\w.]*))",
     re.MULTILINE,
 )
-KEPT_CACHES, KEPT_S = 4, 3600.0  # of other versions of the sources; another process may still use a younger one
+MOST_OLD_CACHES, LEAST_AGE_S = (
+    4,
+    3600.0,
+)  # of other versions of the sources; another process may still use a younger one
 DISABLED = not fpga_model.COMPILED or bool(numba.config.DISABLE_JIT)
 FOLDER, ENDING = "ftr-gyro", ".kernel"
 SEAL_BYTES = hashlib.sha256().digest_size
-OTHERS = stat.S_IWGRP | stat.S_IWOTH
+SHARED_WRITE_BITS = stat.S_IWGRP | stat.S_IWOTH
 
 
 # ---- sources ---------------------------------------------------------------------------------------------------------
@@ -118,7 +121,7 @@ def _fault(folder):
             return "is no folder"
         if status.st_uid != os.geteuid():
             return f"belongs to another user (uid {status.st_uid})"
-        if status.st_mode & OTHERS:
+        if status.st_mode & SHARED_WRITE_BITS:
             folder.chmod(0o700)
     except (OSError, RuntimeError) as problem:
         return f"cannot be written: {getattr(problem, 'strerror', None) or problem}"
@@ -163,8 +166,8 @@ def cache_folder(path):
             return None
         os.utime(folder)
         if new:
-            for old in sorted(home.glob("?" * 16), key=lambda p: p.stat().st_mtime)[:-KEPT_CACHES]:
-                if time.time() - old.stat().st_mtime > KEPT_S:
+            for old in sorted(home.glob("?" * 16), key=lambda p: p.stat().st_mtime)[:-MOST_OLD_CACHES]:
+                if time.time() - old.stat().st_mtime > LEAST_AGE_S:
                     shutil.rmtree(old, ignore_errors=True)
     except OSError:
         return None
@@ -190,7 +193,7 @@ def read_sealed(path, identity):
             status = os.fstat(file.fileno())
             data = file.read()
         body = memoryview(data)[SEAL_BYTES:]
-        if status.st_uid != os.geteuid() or status.st_mode & OTHERS:
+        if status.st_uid != os.geteuid() or status.st_mode & SHARED_WRITE_BITS:
             fault = "can be written by another user"
         elif data[:SEAL_BYTES] != _seal(identity, body):
             fault = "is damaged"

@@ -17,7 +17,7 @@ from fpga_model.design_record import DEFAULT
 from fpga_model.jit import inlined, inner
 
 TICK = rates.State.__annotations__["tick"]
-MOST_BEHIND = 8
+MOST_CODE_REGISTERS = 8
 
 
 class Params(NamedTuple):
@@ -44,7 +44,7 @@ def design(shared, before=(0, 0), after=(0, 0), d=DEFAULT):
         if not 0 <= shared + first <= delay.MAX_DEPTH:
             keys = f"firmware.pipeline_registers + {role}_sine_registers"
             raise ValueError(f"{keys} = {shared + first} is outside 0 .. {delay.MAX_DEPTH}")
-        most = min(MOST_BEHIND, d.tick_clocks - 1 - spi_dac.LOAD_TICK)
+        most = min(MOST_CODE_REGISTERS, d.tick_clocks - 1 - spi_dac.LOAD_TICK)
         if not 0 <= second <= most:
             raise ValueError(
                 f"firmware.{role}_code_registers = {second} is outside 0 .. {most}, the clocks of a tick behind it"

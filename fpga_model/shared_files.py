@@ -18,7 +18,7 @@ from pathlib import Path
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 PATIENCE_S = 1.0  # whoever waits longer says for whom
 MOST_OWNER_BYTES = 200
-UNKNOWN, MOST_TRIES = "an unknown process", 20
+ANONYMOUS_OWNER, MOST_TRIES = "an unknown process", 20
 
 
 class LockedError(OSError):
@@ -59,7 +59,7 @@ def try_lock(path):
             file.close()
             owner, tries = lock_owner(path), tries + 1
             # a moment ago it was taken, and the text follows, or it is being removed
-            if owner != UNKNOWN or tries > MOST_TRIES:
+            if owner != ANONYMOUS_OWNER or tries > MOST_TRIES:
                 raise LockedError(errno.EWOULDBLOCK, owner, str(path)) from None
             time.sleep(0.005)
             continue
@@ -100,7 +100,7 @@ def lock_owner(path):
             text = file.read(MOST_OWNER_BYTES).decode(errors="replace")
     except OSError:
         text = ""
-    return "".join(c for c in text if c.isprintable()) or UNKNOWN
+    return "".join(c for c in text if c.isprintable()) or ANONYMOUS_OWNER
 
 
 def is_locked(path):

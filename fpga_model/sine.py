@@ -46,12 +46,12 @@ ROWS = 1 << ADDRESS_BITS
 assert add_fmt(BASE, PRODUCT).width + 1 <= 63, "base + product and the rounding constant must fit int64"
 
 # Derived in docs/blocks/sine.md, in LSB of y: what each stage may be wrong by at most. 355/113 is just above pi.
-PI_ABOVE = Fraction(355, 113)
-INTERPOLATION_LSB = FULL_SCALE * (PI_ABOVE / 2 / ROWS) ** 2 / 8
+PI_BOUND = Fraction(355, 113)
+INTERPOLATION_LSB = FULL_SCALE * (PI_BOUND / 2 / ROWS) ** 2 / 8
 TABLE_LSB = Fraction(1, 2 << BASE.f) + Fraction(1, 2 << SLOPE.f)
 ROUNDING_LSB = Fraction(1, 2)
 MAX_ERROR_LSB = INTERPOLATION_LSB + TABLE_LSB + ROUNDING_LSB
-PHASE_CUT_LSB = FULL_SCALE * PI_ABOVE / (1 << (2 + ADDRESS_BITS + FRACTION_BITS))
+PHASE_CUT_LSB = FULL_SCALE * PI_BOUND / (1 << (2 + ADDRESS_BITS + FRACTION_BITS))
 
 
 class State(NamedTuple):

@@ -359,6 +359,6 @@ def mismatches(module, design=DEFAULT):
 @functools.cache
 def check(design=DEFAULT):
     """Raise ValueError if a wire of the firmware has two formats."""
-    found = list(itertools.chain(mismatches(control, design), mismatches(top, design)))
-    if found:
-        raise ValueError(f"wiring: formats differ: {'; '.join(found)}")
+    differences = list(itertools.chain(mismatches(control, design), mismatches(top, design)))
+    if differences:
+        raise ValueError(f"wiring: formats differ: {'; '.join(differences)}")

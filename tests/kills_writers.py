@@ -51,9 +51,9 @@ statistics.quadrature_code = ["mean"]
 INFER = """
 import json
 from pathlib import Path
-from testbench.paper.inference import study
+from testbench.paper.inference import inference_study
 found = json.loads(Path({page!r}).read_text())
-study.run_inference = lambda progress=None: found | {{"draws": {draws}}}
+inference_study.run_inference = lambda progress=None: found | {{"draws": {draws}}}
 from testbench.commands.main import main
 main(["report", "infer", "--out", "out"])
 """

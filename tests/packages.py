@@ -32,7 +32,7 @@ from typing import NamedTuple
 
 from fpga_model.jit import PACKAGES
 from testbench.console.show import print_tables
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 
 ROOT = Path(__file__).resolve().parents[1]
 NOBODY = 54321  # no entry in passwd; `nobody` has one

@@ -40,13 +40,13 @@ def test_the_corpus_is_read(folder):
     from testbench import config
     from testbench.campaign.plan import plan as campaign
     from testbench.measured.importing import assemble
-    from testbench.measured.record import load, plan
+    from testbench.measured.record import load_record, recording_plan
 
     readers = [
         lambda: campaign.read(folder / "campaign.toml", ()),
-        lambda: plan.read(folder / "measured.toml"),
+        lambda: recording_plan.read(folder / "measured.toml"),
         lambda: config.load(folder / "config.toml"),
-        lambda: load.load(folder / "gyrorec.h5", replay=False),
+        lambda: load_record.load(folder / "gyrorec.h5", replay=False),
         lambda: assemble.imported([folder / "lab.csv"], folder / "lab.toml"),
         *(kinds.part(folder / name) for name in corpus.PARTS),
         *(kinds.part(folder / "maps" / kind / "map.toml") for kind in corpus.MAPPED),

@@ -12,7 +12,7 @@ import math
 from fpga_model.jit import outlined
 
 LEAST = 8.0
-FOUR_OVER_PI = 4.0 / math.pi
+FOUR_BY_PI = 4.0 / math.pi
 
 
 @outlined
@@ -35,6 +35,6 @@ def rounded_fundamental(volts, lsb_v):
         while k < codes:
             total += math.sqrt(1.0 - (k / codes) * (k / codes))
             k += 1.0
-        return FOUR_OVER_PI * total * lsb_v
+        return FOUR_BY_PI * total * lsb_v
     x = codes - 0.5
-    return volts + FOUR_OVER_PI * math.sqrt(2.0 / codes) * _zeta(x - math.floor(x)) * lsb_v
+    return volts + FOUR_BY_PI * math.sqrt(2.0 / codes) * _zeta(x - math.floor(x)) * lsb_v

@@ -49,7 +49,7 @@ DEMODULATORS = 4
 HALF = 1 << 47
 HALF_MASK = HALF - 1
 TURN_MASK = 2 * HALF - 1
-PLACES = 0xFFFF  # more than the noise of a batch
+INDEX_MASK = 0xFFFF  # more than the noise of a batch
 # Rows of `q`, the first thirteen as the demodulators keep them from frame to frame
 R1, R2, R3, H1, H2, H3, CLOSED_AT, NOISE, SIGN, AREA, BEGAN, WAITING, PAST = range(13)
 S, SLOPE, CURVE, EDGE_SLOPE, UNTIL = range(13, 18)
@@ -285,10 +285,10 @@ def _integral(noise, begin, t):
     at = pair(begin, row + begin) + t
     # a place is never negative: with the mask the compiler knows, too
     i, j, k, m = (
-        int(lane(at, 0)) & PLACES,
-        int(lane(at, 1)) & PLACES,
-        int(lane(at, 2)) & PLACES,
-        int(lane(at, 3)) & PLACES,
+        int(lane(at, 0)) & INDEX_MASK,
+        int(lane(at, 1)) & INDEX_MASK,
+        int(lane(at, 2)) & INDEX_MASK,
+        int(lane(at, 3)) & INDEX_MASK,
     )
     fraction = at + ceiling(0.0 - at)
     return four(sums[i], sums[j], sums[k], sums[m]) + four(volts[i], volts[j], volts[k], volts[m]) * fraction

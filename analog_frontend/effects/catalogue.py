@@ -33,7 +33,7 @@ def _sort_key(module):
 
 
 def _effect_modules():
-    names = (found.name for found in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."))
+    names = (info.name for info in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."))
     modules = [importlib.import_module(name) for name in names if name != __name__]
     return tuple(sorted((m for m in modules if hasattr(m, "terms")), key=_sort_key))
 

@@ -73,10 +73,10 @@ class Law(NamedTuple):
     @property
     def unit(self):
         """Unit of the coefficient."""
-        over = [(UNITS[f.name], f.power) for f in self.factors if f.name in UNITS and f.dress != SGN]
+        divisors = [(UNITS[f.name], f.power) for f in self.factors if f.name in UNITS and f.dress != SGN]
         units = "N" if self.port in FORCE_PORTS else "V"
         powers = {}
-        for unit, power in over:
+        for unit, power in divisors:
             powers[unit] = powers.get(unit, 0) + power
         return units + "".join(f"/({u})^{n}" if n > 1 else f"/({u})" for u, n in powers.items())
 

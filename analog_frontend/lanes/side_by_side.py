@@ -71,14 +71,14 @@ UD, DUD, US, DUS, AD, AS, FX, FY, X, VX, Y, VY, END_VX, END_VY, NX, NY, CX1, CY1
 )
 ROWS = 38
 # of each state, for laws; those of a C/V chain's first pole are not kept
-PLACES = np.array([D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, X, VX, Y, VY])
-PLACES = np.concatenate([PLACES, [CX1 + k * ROW for k in range(3)], [CY1 + k * ROW for k in range(3)]])
+STATE_OFFSETS = np.array([D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, X, VX, Y, VY])
+STATE_OFFSETS = np.concatenate([STATE_OFFSETS, [CX1 + k * ROW for k in range(3)], [CY1 + k * ROW for k in range(3)]])
 # rows of the inputs of the modes, in the order of linear.INPUTS
 FORCED_BY = (D1, D1 + ROW, D1 + 2 * ROW, S1, S1 + ROW, S1 + 2 * ROW, UD, DUD, US, DUS, AD, AS, FX, FY)
 NUMBERS = 8  # scalars of sid.Params
 MOST_CLOCKS = 32  # to a tick
 SLOTS = 16  # most edges of a plant in a strip that go together
-GIVEN, FACTORS = 9, 15  # rows of a slot, see side_by_side_sid.py
+EDGE_INPUT_ROWS, FACTORS = 9, 15  # rows of a slot, see side_by_side_sid.py
 EFFECT_INTEGERS, EFFECT_NUMBERS = (len(part) for part in split(effects.OFF))
 
 
@@ -130,14 +130,14 @@ class SideBySide(NamedTuple):
     caps: doubles(DEMODULATORS, 6)  # scratch
     fixed: doubles(LANES * DEMODULATORS, 6)  # scratch: capacitors of those with an edge
     touched: int64s(LANES * DEMODULATORS)  # which those are
-    given: doubles(SLOTS * GIVEN * LANES)  # scratch: what an edge depends on
+    edge_inputs: doubles(SLOTS * EDGE_INPUT_ROWS * LANES)  # scratch: what an edge depends on
     factors: doubles(SLOTS * FACTORS * LANES)  # scratch: what it gives
     counters: int64s(SLOTS * LANES)  # scratch: of its jitter
     slots: int64s(LANES)  # scratch: slots of a plant's edges in the strip, or -1; the next one
     slot: int64s(LANES)
     taus_s: doubles(MAX_EDGES)  # scratch
     due: int64s(LANES)  # scratch: tick of a plant's next edge
-    place: int64s(LANES)  # scratch: its place in the list
+    edge_index: int64s(LANES)  # scratch: its place in the list
 
 
 AT = record_layout(SideBySide)

@@ -29,7 +29,7 @@ class Converters(NamedTuple):
 
     clock: int64s(LANES, adc.CODES + CHANNELS)  # as adc.State.clock
     sums: doubles(CHANNELS * WIDTH * LANES)
-    own_sums: doubles(LANES, CHANNELS, WIDTH)  # as adc.State.sums, of those by themselves
+    lane_sums: doubles(LANES, CHANNELS, WIDTH)  # as adc.State.sums, of those by themselves
     row: doubles(4 * TICKS)  # outputs of one
     sensor_v: doubles(LANES)  # voltage of the temperature sensor
     fell: int64s(LANES)  # what adc.convert_block returns
@@ -107,7 +107,7 @@ def enter(a, k):
     """The sums of one converter into the registers of eight. Mutates `a`."""
     for c in range(CHANNELS):
         for j in range(WIDTH):
-            a.sums[(WIDTH * c + j) * LANES + k] = a.own_sums[k, c, j]
+            a.sums[(WIDTH * c + j) * LANES + k] = a.lane_sums[k, c, j]
 
 
 @inlined
@@ -115,7 +115,7 @@ def store_sums(a, k):
     """The reverse. Mutates `a`."""
     for c in range(CHANNELS):
         for j in range(WIDTH):
-            a.own_sums[k, c, j] = a.sums[(WIDTH * c + j) * LANES + k]
+            a.lane_sums[k, c, j] = a.sums[(WIDTH * c + j) * LANES + k]
 
 
 @inlined

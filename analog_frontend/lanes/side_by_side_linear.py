@@ -38,8 +38,8 @@ from analog_frontend.lanes.side_by_side import (
     NY,
     PATH_X,
     PATH_Y,
-    PLACES,
     ROW,
+    STATE_OFFSETS,
     UD,
     US,
     VX,
@@ -252,10 +252,10 @@ def push(kind, floats, ints, at):
         if e.any_force or force:
             k = at + plant
             leads = v.law_leads[plant]
-            add_x = effects.force_impulse(e, w[X + k], law.acting(w, PLACES, law.U, k, k + LANES, leads))
+            add_x = effects.force_impulse(e, w[X + k], law.acting(w, STATE_OFFSETS, law.U, k, k + LANES, leads))
             if force:
                 table, gains = v.law_tables[plant], v.law_gains[plant]
-                law_x, law_y = law.impulses(force, table, gains, w, PLACES, k, k + LANES, leads)
+                law_x, law_y = law.impulses(force, table, gains, w, STATE_OFFSETS, k, k + LANES, leads)
                 add_x = add_x + law_x
                 w[VY + k] = w[VY + k] + law_y
             w[VX + k] = w[VX + k] + add_x
@@ -276,7 +276,7 @@ def add_rows(kind, floats, ints, n):
                 x_volts, y_volts = effects.cv_volts(e, w[NX + k], w[NY + k], start, end)
                 if cv:
                     table, numbers, gains = v.law_tables[plant], v.law_numbers[plant], v.law_gains[plant]
-                    law_x, law_y = law.volts(force, cv, table, numbers, gains, w, PLACES, k, k + LANES)
+                    law_x, law_y = law.volts(force, cv, table, numbers, gains, w, STATE_OFFSETS, k, k + LANES)
                     x_volts, y_volts = x_volts + law_x, y_volts + law_y
                 w[NX + k], w[NY + k] = x_volts, y_volts
 

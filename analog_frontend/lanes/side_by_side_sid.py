@@ -9,8 +9,8 @@ Source    docs/decisions/0012-lanes.md
 from analog_frontend.lanes.side_by_side import (
     CX1,
     CY1,
+    EDGE_INPUT_ROWS,
     FACTORS,
-    GIVEN,
     JITTER,
     LANES,
     NX,
@@ -29,7 +29,7 @@ from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, acting, 
 from fpga_model.jit import inlined, outlined
 
 LATER = 1 << 40
-# rows of a slot's `given`, and of its `factors`: q, then decays and steps of the piece before the edge, and behind it
+# rows of a slot's `edge_inputs`, and of its `factors`: q, then decays and steps of the pieces before and after the edge
 BEFORE, V0, AFTER, V1, ADDED, P1, TAU = 0, 1, 2, 3, 4, 5, 8
 Q, FIRST, SECOND = 0, 3, 9
 
@@ -55,10 +55,10 @@ def _output(v, d):
 
 @outlined
 def begin_block(floats, ints):
-    """The first tick of a block at which the switches of each plant move. Mutates `v.due`, `v.place`, `v.out`."""
+    """The first tick of a block at which the switches of each plant move. Mutates `v.due`, `v.edge_index`, `v.out`."""
     v = opened(floats, ints)
     for plant in range(LANES):
-        v.place[plant] = 0
+        v.edge_index[plant] = 0
         v.due[plant] = v.edges[plant, 0, 0] // v.clocks[0] if v.edge_counts[plant] > 0 else LATER
         # of one that has left, or is to come, an edge that waits is for its own next tick
         for d in range(DEMODULATORS):
@@ -75,32 +75,32 @@ def begin_block(floats, ints):
 def _gather_edges(v, tick, first, n, plant):
     """The edges of one plant in a strip, one a slot: how many; -1 where a switch acts a tick after its edge.
 
-    Mutates v.given, v.counters, v.which.
+    Mutates v.edge_inputs, v.counters, v.which.
     """
     for d in range(DEMODULATORS):
         if v.late_count[plant, d] > 0:
             return -1
     slot, w = 0, v.w
-    for k in range(v.place[plant], v.edge_counts[plant]):
+    for k in range(v.edge_index[plant], v.edge_counts[plant]):
         t = v.edges[plant, k, 0] // v.clocks[0] - first
         if t >= n:
             break
         cycle = v.edges[plant, k, 0] - v.clocks[0] * (first + t)
         d, row = v.edges[plant, k, 1], t * LANES + plant
         ref = v.switch[plant, d]
-        for i in range(v.place[plant], k + 1):
+        for i in range(v.edge_index[plant], k + 1):
             ref = ref ^ 1 if v.edges[plant, i, 1] == d else ref
         if slot == SLOTS or v.switch_carry[plant, ref, cycle] != 0:
             return -1
         cv, path, added = (CX1, PATH_X, NX) if d < 2 else (CY1, PATH_Y, NY)
-        at, cv, path = slot * GIVEN * LANES + plant, cv + ROW + row, path + row
-        v.given[at + BEFORE * LANES], v.given[at + V0 * LANES] = w[cv], w[cv + ROW]
-        v.given[at + AFTER * LANES], v.given[at + V1 * LANES] = w[cv + LANES], w[cv + ROW + LANES]
-        v.given[at + ADDED * LANES] = w[added + row]
-        v.given[at + P1 * LANES] = w[path]
-        v.given[at + (P1 + 1) * LANES] = w[path + ROW]
-        v.given[at + (P1 + 2) * LANES] = w[path + 2 * ROW]
-        v.given[at + TAU * LANES] = v.switch_tau_s[plant, ref, cycle]
+        at, cv, path = slot * EDGE_INPUT_ROWS * LANES + plant, cv + ROW + row, path + row
+        v.edge_inputs[at + BEFORE * LANES], v.edge_inputs[at + V0 * LANES] = w[cv], w[cv + ROW]
+        v.edge_inputs[at + AFTER * LANES], v.edge_inputs[at + V1 * LANES] = w[cv + LANES], w[cv + ROW + LANES]
+        v.edge_inputs[at + ADDED * LANES] = w[added + row]
+        v.edge_inputs[at + P1 * LANES] = w[path]
+        v.edge_inputs[at + (P1 + 1) * LANES] = w[path + ROW]
+        v.edge_inputs[at + (P1 + 2) * LANES] = w[path + 2 * ROW]
+        v.edge_inputs[at + TAU * LANES] = v.switch_tau_s[plant, ref, cycle]
         v.counters[slot * LANES + plant] = JITTERED * (tick + first + t) + 1 + d
         slot += 1
     return slot
@@ -131,17 +131,17 @@ def _term(v, i, j, v0, a, c2, c3, s):
 @inlined
 def _answered(v, slot):
     """What the edges of a slot give that does not depend on the capacitors. Mutates v.factors."""
-    x, f = slot * GIVEN * LANES, slot * FACTORS * LANES
-    tau = load(v.given, x + TAU * LANES)
+    x, f = slot * EDGE_INPUT_ROWS * LANES, slot * FACTORS * LANES
+    tau = load(v.edge_inputs, x + TAU * LANES)
     if v.flags[JITTER]:
         at = 2 * LANES * JITTER
         word, _ = noise.words(integers(v.keys, at), integers(v.keys, at + LANES), integers(v.counters, slot * LANES))
         tau = tau + load(v.sigma, at) * noise.ih4(word)
     h_s, r, gain, driver_s = load(v.h_s, 0), load(v.r, 0), load(v.slope_gain, 0), load(v.driver_s, 0)
     s = clamped(tau, splat(0.0), h_s) / h_s
-    v0, v1 = load(v.given, x + V0 * LANES), load(v.given, x + V1 * LANES)
-    dv0 = (gain * load(v.given, x + BEFORE * LANES) - v0) / driver_s
-    dv1 = (gain * load(v.given, x + AFTER * LANES) - v1) / driver_s
+    v0, v1 = load(v.edge_inputs, x + V0 * LANES), load(v.edge_inputs, x + V1 * LANES)
+    dv0 = (gain * load(v.edge_inputs, x + BEFORE * LANES) - v0) / driver_s
+    dv1 = (gain * load(v.edge_inputs, x + AFTER * LANES) - v1) / driver_s
     store_rows(v.factors, f, LANES, _edge_response(v, v0, dv0 * h_s, dv1 * h_s, v1, s))
     store_rows(v.factors, f + FIRST * LANES, LANES, sid.factors(r * s))
     store_rows(v.factors, f + SECOND * LANES, LANES, sid.factors(r * (1.0 - s)))
@@ -180,11 +180,11 @@ def _applied(v, t, plant, touched_count):
 
     Leaves what they give in v.fixed and v.touched.
     """
-    k = v.place[plant]
+    k = v.edge_index[plant]
     while k < v.edge_counts[plant] and v.edges[plant, k, 0] < (t + 1) * v.clocks[0]:
         d, slot = v.edges[plant, k, 1], v.slot[plant]
-        x, f, at = slot * GIVEN * LANES + plant, slot * FACTORS * LANES + plant, 3 * d * LANES + plant
-        ref, n = v.switch[plant, d], v.given[x + ADDED * LANES]
+        x, f, at = slot * EDGE_INPUT_ROWS * LANES + plant, slot * FACTORS * LANES + plant, 3 * d * LANES + plant
+        ref, n = v.switch[plant, d], v.edge_inputs[x + ADDED * LANES]
         q1, q2, q3 = v.factors[f], v.factors[f + LANES], v.factors[f + 2 * LANES]
         w1, w2, w3 = v.on[at], v.on[at + LANES], v.on[at + 2 * LANES]
         w1, w2, w3 = _segment_lanes(v, f + FIRST * LANES, n, w1, w2, w3, q1, q2, q3)
@@ -195,14 +195,18 @@ def _applied(v, t, plant, touched_count):
         fixed[STAGES + 1] = w2 + v.sid_inject[plant, opens + 1]
         fixed[STAGES + 2] = w3 + v.sid_inject[plant, opens + 2]
         w1, w2, w3 = v.off[at] - q1, v.off[at + LANES] - q2, v.off[at + 2 * LANES] - q3
-        p1, p2, p3 = v.given[x + P1 * LANES], v.given[x + (P1 + 1) * LANES], v.given[x + (P1 + 2) * LANES]
+        p1, p2, p3 = (
+            v.edge_inputs[x + P1 * LANES],
+            v.edge_inputs[x + (P1 + 1) * LANES],
+            v.edge_inputs[x + (P1 + 2) * LANES],
+        )
         fixed[0], fixed[1], fixed[2] = _segment_lanes(v, f + SECOND * LANES, n, w1, w2, w3, p1, p2, p3)
         v.switch[plant, d] = 0 if ref else 1
         v.touched[touched_count] = index
         v.slot[plant] = slot + 1
         touched_count += 1
         k += 1
-    v.place[plant] = k
+    v.edge_index[plant] = k
     v.due[plant] = v.edges[plant, k, 0] // v.clocks[0] if k < v.edge_counts[plant] else LATER
     return touched_count
 
@@ -224,11 +228,11 @@ def _switch_plant(floats, ints, tick, t, row, plant, touched_count):
     """Tick `t` of a block for a plant in which switches move, in place `row` of the strip; as `_applied`."""
     v = opened(floats, ints)
     edge_count, edges = v.edge_counts[plant], v.edges[plant]
-    first = v.place[plant]
+    first = v.edge_index[plant]
     last = first
     while last < edge_count and edges[last, 0] < (t + 1) * v.clocks[0]:
         last += 1
-    v.place[plant] = last
+    v.edge_index[plant] = last
     at, on = 2 * LANES * JITTER + plant, 1 if v.flags[JITTER] else 0
     jitter = noise.Source(v.keys[at], v.keys[at + LANES], v.sigma[at], on, 0)
     q = v.sid_numbers[plant]

@@ -145,6 +145,6 @@ else:
 
 def aligned(size):
     """Zeros that start at a multiple of 64 bytes: a register of eight lanes then never straddles two cache lines."""
-    whole = np.zeros(size + LANES)
-    first = -(whole.ctypes.data // 8) % LANES
-    return whole[first : first + size]
+    padded = np.zeros(size + LANES)
+    first = -(padded.ctypes.data // 8) % LANES
+    return padded[first : first + size]

@@ -41,8 +41,8 @@ def _shuffled(builder, x, y, lanes):
 def _pointer(context, builder, signature, args, native, offset=0):
     array = context.make_array(signature.args[0])(context, builder, args[0])
     index = context.cast(builder, args[1], signature.args[1], types.intp)
-    place = builder.gep(array.data, [builder.add(index, offset) if offset else index])
-    return builder.bitcast(place, native.as_pointer())
+    address = builder.gep(array.data, [builder.add(index, offset) if offset else index])
+    return builder.bitcast(address, native.as_pointer())
 
 
 def _map_registers(context, builder, result, apply, *args):
@@ -210,8 +210,8 @@ def store_fives(typingctx, a, i, v):
     def codegen(context, builder, signature, args):
         for first in range(0, FIVE * LANES, LANES):
             pointer = _pointer(context, builder, signature, args, VECTOR.native, ir.Constant(ir.IntType(64), first))
-            places = [(first + k) // FIVE for k in range(LANES)]
-            builder.store(_shuffled(builder, args[2], args[2], places), pointer, align=8)
+            source_lanes = [(first + k) // FIVE for k in range(LANES)]
+            builder.store(_shuffled(builder, args[2], args[2], source_lanes), pointer, align=8)
         return context.get_dummy_value()
 
     return types.void(a, types.int64, v), codegen

@@ -200,12 +200,14 @@ def design(**values):
         gain_tc_per_k=tuple(float(v) for v in d.gain_tc_per_k),
         memory=tuple(float(v) for v in d.memory),
         curve=tuple(float(v) for v in d.curve) + (0.0,) * (CURVE - len(d.curve)),
-        white=tuple(noise.source(d.seed, f"adc_{_name(c)}", d.noise_v[c]) for c in range(CHANNELS)),
-        flicker=tuple(noise.flicker(d.seed, f"flicker_{_name(c)}", d.flicker_v_per_rthz[c]) for c in range(CHANNELS)),
+        white=tuple(noise.source(d.seed, f"adc_{_channel_name(c)}", d.noise_v[c]) for c in range(CHANNELS)),
+        flicker=tuple(
+            noise.flicker(d.seed, f"flicker_{_channel_name(c)}", d.flicker_v_per_rthz[c]) for c in range(CHANNELS)
+        ),
     )
 
 
-def _name(channel):
+def _channel_name(channel):
     return "temp" if channel == TEMPERATURE else str(channel)
 
 
@@ -297,9 +299,9 @@ def ready(p, clock, ticks):
     if clock[PENDING] == NOT_PENDING:
         return -1
     cycle = (clock[PENDING] + (UNITS_PER_CYCLE - 1)) >> UNIT_BITS
-    seen = cycle < (ticks + 1) * p.tick_clocks
-    clock[PENDING] = NOT_PENDING if seen else clock[PENDING] - ticks * p.tick_units
-    return cycle if seen else -1
+    is_ready = cycle < (ticks + 1) * p.tick_clocks
+    clock[PENDING] = NOT_PENDING if is_ready else clock[PENDING] - ticks * p.tick_units
+    return cycle if is_ready else -1
 
 
 @inlined

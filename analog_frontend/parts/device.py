@@ -177,7 +177,7 @@ def validate(device):
 
 def make(**values):
     """The default device with some fields changed, validated; an unknown name is a ValueError too."""
-    unknown = sorted(set(values) - set(Device._fields))
-    if unknown:
-        raise ValueError(f"no such field of the device: {', '.join(unknown)}")
+    bad_names = sorted(set(values) - set(Device._fields))
+    if bad_names:
+        raise ValueError(f"no such field of the device: {', '.join(bad_names)}")
     return validate(Device(**values))

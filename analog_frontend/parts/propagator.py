@@ -56,10 +56,10 @@ PX1, PY1 = 16, 19
 
 # states of the generator: z, the SID response, then the inputs that are constant over a tick
 DRIVE, SENSE, MODES, DRIVE_CV, SENSE_CV, DRIVE_SID, SENSE_SID = 0, 3, 6, 10, 13, 16, 19
-HELD_DRIVE, HELD_SENSE, HELD_FX, HELD_FY = range(22, 26)
+INPUT_DRIVE, INPUT_SENSE, INPUT_FX, INPUT_FY = range(22, 26)
 SIZE = 26
-KEPT = tuple(range(16)) + (HELD_DRIVE, HELD_SENSE, HELD_FX, HELD_FY)
-KEPT_INPUT = tuple(range(16)) + (U_DRIVE, U_SENSE, F_X, F_Y)
+JET_COLUMNS = tuple(range(16)) + (INPUT_DRIVE, INPUT_SENSE, INPUT_FX, INPUT_FY)
+JET_ROWS = tuple(range(16)) + (U_DRIVE, U_SENSE, F_X, F_Y)
 
 # jet j is the coefficient of O^p K^q
 POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -237,7 +237,7 @@ def _generator(device, gains, rings, amplifiers, rc):
         a[row, row, 0] = -1 / tau
         a[row, source, 0] = gain / tau
 
-    for first, input_state, name in ((DRIVE, HELD_DRIVE, "drive"), (SENSE, HELD_SENSE, "sense")):
+    for first, input_state, name in ((DRIVE, INPUT_DRIVE, "drive"), (SENSE, INPUT_SENSE, "sense")):
         for n, source in enumerate((input_state, first, first + 1)):
             pole(first + n, source, MP.mpf(getattr(device, f"{name}_pole_{n + 1}_s")))
 
@@ -246,8 +246,8 @@ def _generator(device, gains, rings, amplifiers, rc):
         for (row, col), value in entries.items():
             a[MODES + row, MODES + col, jet] = value
     ports = (
-        (HELD_FX, DRIVE + 2, device.k_vf_drive_n_per_v),
-        (HELD_FY, SENSE + 2, device.k_vf_sense_n_per_v),
+        (INPUT_FX, DRIVE + 2, device.k_vf_drive_n_per_v),
+        (INPUT_FY, SENSE + 2, device.k_vf_sense_n_per_v),
     )
     for (row, col), value in block.force.items():
         input_state, electrode, k_vf = ports[col]
@@ -268,8 +268,8 @@ def _generator(device, gains, rings, amplifiers, rc):
 
 def _sparse(entries, duration):
     """Generator times `duration` as the arrays `taylor` reads; entries that are exactly zero are left out."""
-    kept = [(place, value * duration) for place, value in entries.items() if value != 0]
-    return np.array([place for place, _ in kept]), np.array([split(value) for _, value in kept])
+    nonzero = [(index, value * duration) for index, value in entries.items() if value != 0]
+    return np.array([index for index, _ in nonzero]), np.array([split(value) for _, value in nonzero])
 
 
 def _columns(columns):
@@ -284,9 +284,9 @@ def _columns(columns):
 
 def instants(delay, cycle_time, clocks=26):
     """Where cycle c + delay falls: whole cycles of the delay, its rest, and the carries of c = 0 .. clocks - 1."""
-    whole = int(MP.floor(delay / cycle_time))
-    carry = np.array([(c + whole) // clocks for c in range(clocks)], np.int64)
-    return whole, delay - whole * cycle_time, carry
+    delay_cycles = int(MP.floor(delay / cycle_time))
+    carry = np.array([(c + delay_cycles) // clocks for c in range(clocks)], np.int64)
+    return delay_cycles, delay - delay_cycles * cycle_time, carry
 
 
 # Hermite's cubics on 0 .. 1: value and first three derivatives at 0 of what goes with x(0), x'(0), x(1), x'(1)
@@ -331,12 +331,12 @@ DEFAULT_CLOCK = Clock()
 
 def _matrix_power(one, n):
     """A double-double matrix to the power n, by the bits of n from the left."""
-    found = one
+    power = one
     for bit in bin(n)[3:]:
-        found = multiply(*found, *found)
+        power = multiply(*power, *power)
         if bit == "1":
-            found = multiply(*found, *one)
-    return found
+            power = multiply(*power, *one)
+    return power
 
 
 def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
@@ -363,11 +363,11 @@ def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
         per_cycle = multiply(*per_cycle, *per_cycle)
     full_tick, _ = _matrix_power(per_cycle, clock.cycles)
     g_jet = np.zeros((JETS, INPUTS, OUTPUTS))
-    for col, row in zip(KEPT, KEPT_INPUT):
-        g_jet[:, row, :HELD_DRIVE] = full_tick[:, :HELD_DRIVE, col]
+    for col, row in zip(JET_COLUMNS, JET_ROWS):
+        g_jet[:, row, :INPUT_DRIVE] = full_tick[:, :INPUT_DRIVE, col]
 
     steps, jitters, carries = [], [], []
-    for input_state, delay_s in ((HELD_DRIVE, warm.drive_dac_delay_s), (HELD_SENSE, warm.sense_dac_delay_s)):
+    for input_state, delay_s in ((INPUT_DRIVE, warm.drive_dac_delay_s), (INPUT_SENSE, warm.sense_dac_delay_s)):
         instant_cycle, remainder, carry = instants(MP.mpf(delay_s), cycle_time, clock.cycles)
         shortest = cycle_time - remainder
         pieces = max(1, int(MP.ceil(norm * shortest / 4)))
@@ -380,9 +380,9 @@ def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
         jitter = np.zeros((JETS, clock.cycles, OUTPUTS))
         for delay_cycles in range(clock.cycles - 1, -1, -1):
             c = (delay_cycles - instant_cycle) % clock.cycles
-            step[:, c, :HELD_DRIVE] = x[0][:, :HELD_DRIVE, 0]
+            step[:, c, :INPUT_DRIVE] = x[0][:, :INPUT_DRIVE, 0]
             # a later instant is a shorter duration: minus
-            jitter[:, c, :HELD_DRIVE] = 0.0 - x[0][:, :HELD_DRIVE, 1]
+            jitter[:, c, :INPUT_DRIVE] = 0.0 - x[0][:, :INPUT_DRIVE, 1]
             x = multiply(*per_cycle, *x)
         steps.append(step)
         jitters.append(jitter)

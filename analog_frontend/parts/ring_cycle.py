@@ -67,7 +67,7 @@ class Steady(NamedTuple):
     nodes_v: tuple  # A, B, C, D just before a rising edge
     volts: float
     volts_per_f: float
-    late_v_s_per_f: float  # L: what a slope of dC takes off the mean output, per F/s
+    lag_v_s_per_f: float  # L: what a slope of dC takes off the mean output, per F/s
 
 
 class Curve(NamedTuple):
@@ -76,7 +76,7 @@ class Curve(NamedTuple):
     step_f: float
     volts: np.ndarray
     volts_per_f: np.ndarray
-    late_v_s_per_f: np.ndarray
+    lag_v_s_per_f: np.ndarray
 
 
 class Large(NamedTuple):
@@ -86,7 +86,7 @@ class Large(NamedTuple):
     loss: float  # of the gain, against a small signal
     delay_s: float  # of the fundamental
     third: float  # third harmonic over fundamental, in the sense of sin(3 w t)
-    seen_v_per_f: float  # gain that a square-wave demodulator sees: mean magnitude over that of the sine
+    demodulated_v_per_f: float  # gain that a square-wave demodulator sees: mean magnitude over that of the sine
 
 
 def circuit(carrier_v, carrier_hz, c0_f, cp_f, cref_f, diode, temp_degc, temp_ref_degc=25.0):
@@ -330,7 +330,7 @@ def large(p, dc_f):
     return Large(
         gain_v_per_f=gain,
         loss=1.0 - gain / small.volts_per_f,
-        delay_s=2 / QUARTER * sum((1.0 - row[0] ** 2) * at.late_v_s_per_f for row, at in zip(waves, rows)) / gain,
+        delay_s=2 / QUARTER * sum((1.0 - row[0] ** 2) * at.lag_v_s_per_f for row, at in zip(waves, rows)) / gain,
         third=harmonics[1] / harmonics[0],
-        seen_v_per_f=sum(v / (2 * k + 1) for k, v in enumerate(harmonics)) / dc_f,
+        demodulated_v_per_f=sum(v / (2 * k + 1) for k, v in enumerate(harmonics)) / dc_f,
     )

@@ -2,7 +2,7 @@
 
 import sys
 
-from testbench.bench.measure import main
+from testbench.bench.measure_speed import main
 
 if __name__ == "__main__":
     sys.exit(main())

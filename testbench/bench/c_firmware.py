@@ -13,9 +13,9 @@ import statistics
 import sys
 
 from fpga_model.rates import TICK_HZ
-from testbench.bench import kernels, machine, measure, peers
+from testbench.bench import kernels, machine, measure_speed, peers
 from testbench.console.markdown import ROOT, markdown, need_repository, replaced
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.storage.files import write_text
 
 COMMAND = "python -m testbench.bench.c_firmware"
@@ -40,8 +40,8 @@ def measure_cpu_times(folder, rounds=ROUNDS, processes=PROCESSES, ticks=TICKS):
             CLOCKED: lambda: next(turns).cpu_s("clocked", ticks),
             C: lambda: peers.run(NAME, command, folder, ticks).cpu_s,
         }
-        measure.rounds(works, processes)
-        spent = measure.rounds(works, rounds)
+        measure_speed.rounds(works, processes)
+        spent = measure_speed.rounds(works, rounds)
     return {what: [TICK_HZ / ticks * time_s for time_s in times] for what, times in spent.items()}
 
 

@@ -216,10 +216,10 @@ class Served:
 def output(code):
     """Last line of what a process of its own prints."""
     process = _start_python(code)
-    said, _ = process.communicate()
+    text, _ = process.communicate()
     if process.returncode:
         raise RuntimeError(f"a process of the bench failed: {code}")
-    return said.splitlines()[-1]
+    return text.splitlines()[-1]
 
 
 def first_call():

@@ -21,7 +21,7 @@ from testbench import config as configuration
 from testbench.bench import kernels
 from testbench.campaign import builtin_engines
 from testbench.campaign.plan.measure import Keep, Keeper
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 
 REPEATS = 5
 TICKS = 400_000

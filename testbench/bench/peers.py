@@ -22,9 +22,9 @@ import numpy as np
 from analog_frontend.parts import adc
 from fpga_model import sequencer
 from testbench import flatten
-from testbench.golden.c_model import export as c_model
+from testbench.golden.c_model import export_c as c_model
 from testbench.golden.loop import library, locked_state
-from testbench.golden.recording import board
+from testbench.golden.recording import board_recording
 from testbench.run import simulation
 
 SOURCES = Path(__file__).parent
@@ -61,7 +61,7 @@ def _design(params):
         f'    $display("register {k} %0d", {locked_state.hierarchical_name(name)});'
         for k, name in enumerate(library.REGISTERS)
     ]
-    return locked_state.from_state(board.text(params)).replace(
+    return locked_state.from_state(board_recording.text(params)).replace(
         "\nendmodule", "\n".join(["", "final begin", *shows, "end", "", "endmodule"])
     )
 
@@ -69,7 +69,7 @@ def _design(params):
 def export(sim, rate_rad_s, folder):
     """Write the design, its tables and the present state of a locked `Simulation` for the comparators to `folder`."""
     locked_state.write_state(sim, rate_rad_s, folder)
-    board.write_roms(folder)
+    board_recording.write_roms(folder)
     (folder / DESIGN).write_text(_design(sim.params.fpga))
     (folder / "model").mkdir(exist_ok=True)
     for name, text in c_model.model(sim.params.fpga).items():
@@ -117,13 +117,21 @@ def build_verilator(folder, flags=FLAGS):
     verilator, make, _ = tool("verilator"), tool("make"), _compiler()
     _run_command(
         [verilator, "--cc", "--exe", "-O3", "--x-assign", "fast", "--x-initial", "fast", "--noassert", "-Wno-lint"]
-        + ["-Wno-fatal", "--Mdir", "verilated", "--top-module", board.MODULE, "-CFLAGS", f"-std=c++17 -I{SOURCES}"]
+        + [
+            "-Wno-fatal",
+            "--Mdir",
+            "verilated",
+            "--top-module",
+            board_recording.MODULE,
+            "-CFLAGS",
+            f"-std=c++17 -I{SOURCES}",
+        ]
         + [DESIGN, *library.sources(RTL), SOURCES / "verilator.cpp"],
         folder,
     )
     # OPT_FAST is -Os by default and comes after CFLAGS: an -O3 there would be undone
     fast = " ".join(flags)
-    name = f"V{board.MODULE}"
+    name = f"V{board_recording.MODULE}"
     _run_command([make, "-s", "-C", "verilated", "-f", f"{name}.mk", f"OPT_FAST={fast}", f"OPT_GLOBAL={fast}"], folder)
     return [str(folder / "verilated" / name)]
 

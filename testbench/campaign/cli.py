@@ -14,7 +14,7 @@ import typer
 
 from testbench.console.options import Json, takes
 from testbench.console.show import print_json, print_tables
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 
 app = typer.Typer(
     name="campaign",
@@ -34,7 +34,7 @@ Engines = Annotated[
     typer.Option("--engine", metavar="NAME=PLACE", help="Engine of one's own, at package.module:OBJECT; repeatable."),
 ]
 EXIT_FAILED = 2
-SHOWN_FAILURES = 5
+PRINTED_FAILURES = 5
 
 
 class RunOptions(NamedTuple):
@@ -69,8 +69,8 @@ def run(o):
     if sum(choice is not None for choice in (o.workers, o.scheduler, o.unencrypted_scheduler, o.cluster)) > 1:
         raise ConfigError("--workers, --scheduler, --unencrypted-scheduler and --cluster: give one of them")
     from testbench.campaign import execute
+    from testbench.campaign.campaign_progress import Progress
     from testbench.campaign.plan.plan import read
-    from testbench.campaign.progress import Progress
 
     campaign_plan = read(o.plan, o.sets or (), o.engine_texts or ())
     try:
@@ -113,10 +113,10 @@ def _print_report(report, as_json):
     typer.echo(f"{report.name}: {report.points} points, {report.reused} finished before, {report.done} now")
     if report.failures:
         typer.echo(f"{len(report.failures)} failed; the same command tries them again:")
-    for address, text in report.failures[:SHOWN_FAILURES]:
+    for address, text in report.failures[:PRINTED_FAILURES]:
         typer.echo(f"  {address[:12]}  {text}")
-    if len(report.failures) > SHOWN_FAILURES:
-        typer.echo(f"  and {len(report.failures) - SHOWN_FAILURES} more")
+    if len(report.failures) > PRINTED_FAILURES:
+        typer.echo(f"  and {len(report.failures) - PRINTED_FAILURES} more")
     for path in report.files:
         typer.echo(f"  {path}")
 
@@ -166,7 +166,7 @@ def _print_status(plans, damaged, lines):
     for item in plans:
         failed = f", {len(item['failed'])} failed" if item["failed"] else ""
         typer.echo(f"{item['name']:<20} {item['finished']}/{item['points']} points finished{failed}")
-        for address, text in item["failed"][:SHOWN_FAILURES]:
+        for address, text in item["failed"][:PRINTED_FAILURES]:
             typer.echo(f"  {address[:12]}  {text}")
     for text in damaged:
         typer.echo(text)
@@ -188,7 +188,7 @@ def _only(store, name):
 def show(store: StorePath, name: Name = None, as_json: Json = False):
     """Show the axes of a plan and mean, spread and limits of its numbers over the points that are finished."""
     from testbench.campaign import collect
-    from testbench.campaign.progress import Running
+    from testbench.campaign.campaign_progress import Running
     from testbench.campaign.store import Store
 
     results_store = Store.open_folder(store)

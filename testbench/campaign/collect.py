@@ -57,7 +57,7 @@ def read_stored_plan(store, name):
     return StoredPlan(*stored.read(plan_path(store, name)))
 
 
-def results(store, name):
+def result_paths(store, name):
     """(netCDF, table): where the results of a plan are."""
     return store.path / "results" / f"{name}.nc", store.path / "results" / f"{name}.csv"
 
@@ -73,7 +73,7 @@ def _parameter_unit(dotted):
     return (info.json_schema_extra or {}).get("unit", "")
 
 
-def _values(items):
+def _coordinate_array(items):
     """Values of a parameter as an array: numbers, or texts (JSON where they are lists)."""
     if all(isinstance(item, (int, float)) and not isinstance(item, bool) for item in items):
         array = np.array(items)
@@ -87,7 +87,7 @@ def coordinates(plan):
     for axis in plan.axes:
         columns = {}
         for dotted in axis.values:
-            values = _values([plans.value_at(plan, axis, dotted, k) for k in range(axis.length)])
+            values = _coordinate_array([plans.value_at(plan, axis, dotted, k) for k in range(axis.length)])
             unit = _parameter_unit(dotted)
             attrs = {"parameter": dotted, **({"units": unit} if unit else {})}
             columns[dotted] = Variable((axis.name,), values, attrs)
@@ -311,7 +311,7 @@ def _write_table(stored_plan, points, path):
 def write(store, name):
     """Make the results of a plan anew; returns ([path, ...], {address: what is wrong} of points that do not count)."""
     stored_plan = read_stored_plan(store, name)
-    netcdf, table = results(store, name)
+    netcdf, table = result_paths(store, name)
     points, faults = load(store, stored_plan.addresses)
     with atomic_outputs():
         _write_netcdf(store, stored_plan, points, netcdf)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, verify, work
 from testbench.campaign.plan import engines, plan, stored
-from testbench.campaign.plan.points import read_task
+from testbench.campaign.plan.plan_points import read_task
 from testbench.campaign.store import Store
 from testbench.errors import FileError
 from testbench.storage.files import atomic_outputs, replacing, write_text
@@ -79,7 +79,7 @@ def run(campaign_plan, path, executor, progress, write_more=None):
                             raise FileError(_stop_message(outcome.error, store, addresses))
                         if outcome.status == work.FAILED:
                             failures[outcome.address] = outcome.error
-                        finished += outcome.status in (work.DONE, work.FOUND)
+                        finished += outcome.status in (work.FINISHED, work.FINISHED_ELSEWHERE)
                         progress.add(outcome)
         with atomic_outputs():
             files, faults = collect.write(store, campaign_plan.name)

@@ -21,7 +21,7 @@ from testbench.errors import FileError
 
 PRELOADED = ["testbench.campaign.work", "typer"]
 TRIES = 3
-LOST_AT_ONCE = 8  # workers lost in a row, nothing finished between: something is wrong with all of them
+MOST_LOST_WORKERS = 8  # workers lost in a row, nothing finished between: something is wrong with all of them
 
 
 def follow_main():
@@ -104,7 +104,7 @@ class Pool:
                     connection.close()
                     process.join()
                     lost += 1
-                    if lost > LOST_AT_ONCE:
+                    if lost > MOST_LOST_WORKERS:
                         raise FileError(
                             f"workers: {lost} worker processes died before any point was finished"
                             f" (exit code {process.exitcode})"

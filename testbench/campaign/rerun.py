@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, shard, work
 from testbench.campaign.plan import engines
-from testbench.campaign.plan.points import parsed, state_path
+from testbench.campaign.plan.plan_points import parsed, state_path
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 from testbench.storage import inputs

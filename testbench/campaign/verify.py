@@ -12,7 +12,7 @@ Source  docs/campaigns.md
 import hashlib
 
 from testbench.campaign import shard
-from testbench.campaign.plan.points import point_address
+from testbench.campaign.plan.plan_points import point_address
 from testbench.errors import FileError
 from testbench.storage import inputs
 

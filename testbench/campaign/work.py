@@ -16,14 +16,14 @@ from typing import NamedTuple
 from testbench.campaign import shard
 from testbench.campaign.plan import engines
 from testbench.campaign.plan.measure import Keeper
-from testbench.campaign.plan.points import point_address, read_task
+from testbench.campaign.plan.plan_points import point_address, read_task
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 from testbench.version import VERSION
 
 # mpmath has one precision for a whole process: threads of a Dask worker take turns
 ENGINE_LOCK = threading.Lock()
-DONE, FOUND, FAILED, STOP = "done", "found", "failed", "stop"
+FINISHED, FINISHED_ELSEWHERE, FAILED, STOP = "done", "found", "failed", "stop"
 
 
 class Batch(NamedTuple):
@@ -118,7 +118,7 @@ def _run(store, batch):
         ahead = []
         for identity, address in zip(batch.identities, batch.addresses):
             if store.has(address):
-                out.append(Outcome(address, FOUND))
+                out.append(Outcome(address, FINISHED_ELSEWHERE))
             else:
                 ahead.append((identity, address, read_task(identity, store.path / "states")))
         if not ahead:
@@ -146,5 +146,5 @@ def _run(store, batch):
             store.publish(address, data)
             versions = {"version": VERSION, "python": platform.python_version()}
             store.journal("finish", point=address, wall_s=round(wall_s, 6), **versions)
-            out.append(Outcome(address, DONE, "", numbers, wall_s, task.config.scenario.seconds))
+            out.append(Outcome(address, FINISHED, "", numbers, wall_s, task.config.scenario.seconds))
     return out

@@ -24,7 +24,7 @@ def _print_written(paths, as_json):
 
 def registers(out: Folder, config: ConfigFile = None, sets: Sets = None, as_json: Json = False):
     """Write the register map as SystemRDL, C header with driver, UVM register model, IP-XACT and HTML pages."""
-    from testbench.register_map.export import export
+    from testbench.register_map.export_registers import export
 
     _print_written(export(out, load(config, overrides(sets))), as_json)
 
@@ -37,7 +37,7 @@ def fmu(
     as_json: Json = False,
 ):
     """Write firmware and plant as FMUs for co-simulation; configuration, seed and temperatures are fixed."""
-    from testbench.fmu.export import export
+    from testbench.fmu.export_fmu import export
 
     _print_written(export(out, load(config, overrides(sets)), fmi), as_json)
 
@@ -50,6 +50,6 @@ def host(
     as_json: Json = False,
 ):
     """Write the RTL with a port of the host, closed around the plant and locked, with a host in C that reads it."""
-    from testbench.host.export import export
+    from testbench.host.export_host import export
 
     _print_written(export(out, load(config, overrides(sets)), bus), as_json)

@@ -173,12 +173,12 @@ def _run(config, partial, resume, as_json, discard=False):
         try:
             with Progress(quiet=as_json) as progress:
                 progress("loading the engine", 0, 1)
-                from testbench.run import simulate, tables
+                from testbench.run import run_tables, simulate
                 from testbench.run.budget import budgets
 
                 result = simulate.run(config, progress=progress, directory=partial, resume=resume)
-                result_tables = [tables.phases(result.summary), tables.numbers(result.summary)]
-                report = result_tables + tables.budget_tables(*budgets(config))
+                result_tables = [run_tables.phases(result.summary), run_tables.number_rows(result.summary)]
+                report = result_tables + run_tables.budget_tables(*budgets(config))
                 paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]
         except BaseException as problem:
             if not partial.resumable():
@@ -207,14 +207,14 @@ def budget(config: ConfigFile = None, sets: Sets = None, temperature_degc: Tempe
     fpga_model.COMPILED = re.search(r"ring_saturation_on\s*=\s*1", f"{text} {sets}") is not None
     option_overrides = overrides(sets, ("scenario.temperature_degc", temperature_degc, "--temperature-degc"))
     checked = load(config, option_overrides)
-    from testbench.run import tables
+    from testbench.run import run_tables
     from testbench.run.budget import budgets
 
     phase_budgets = budgets(checked)
     if as_json:
-        print_json(tables.budget_json(*phase_budgets))
+        print_json(run_tables.budget_json(*phase_budgets))
     else:
-        print_tables(tables.budget_tables(*phase_budgets))
+        print_tables(run_tables.budget_tables(*phase_budgets))
 
 
 def _silence():

@@ -99,11 +99,11 @@ class Profile(NamedTuple):
 
     def limits(self):
         """(least, greatest) value of all frames: between its points a profile is monotone."""
-        near = {0, self.frames - 1}
+        candidate_frames = {0, self.frames - 1}
         for t_s, _ in self.points:
             frame = min(int(t_s / self.frame_s), self.frames)
-            near |= {k for k in range(frame - 2, frame + 3) if 0 <= k < self.frames}
-        values = [float(self.frame_values(k)[0]) for k in near]
+            candidate_frames |= {k for k in range(frame - 2, frame + 3) if 0 <= k < self.frames}
+        values = [float(self.frame_values(k)[0]) for k in candidate_frames]
         return min(values), max(values)
 
 
@@ -168,9 +168,11 @@ def profile_points(value, lo, hi, unit):
 
 def nearest(name, names):
     """Hint on a name that is not among the known ones."""
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    matches = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     return (
-        f"did you mean {near[0]}?" if near else f"known: {textwrap.shorten(', '.join(names), 280, placeholder=' ...')}"
+        f"did you mean {matches[0]}?"
+        if matches
+        else f"known: {textwrap.shorten(', '.join(names), 280, placeholder=' ...')}"
     )
 
 

@@ -50,7 +50,7 @@ def write(picture, folder):
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
     out.writerow(HEAD)
-    out.writerows(numbers(picture.figure))
+    out.writerows(figure_rows(picture.figure))
     contents["csv"] = text.getvalue().encode()
     paths = {kind: Path(folder) / f"{picture.name}.{kind}" for kind in KINDS}
     with atomic_outputs():
@@ -59,7 +59,7 @@ def write(picture, folder):
     return paths, contents["png"]
 
 
-def numbers(figure):
+def figure_rows(figure):
     """Rows of `HEAD` of all that is drawn with a name: curves, marks with error bars, bars, maps."""
     rows = []
     for axis in figure.axes:
@@ -95,9 +95,9 @@ def _text(value):
 def _labels(axis):
     """{place: text} of an axis whose ticks are texts."""
     for ruler in (axis.xaxis, axis.yaxis):
-        texts, places = ruler.get_major_formatter(), ruler.get_majorticklocs()
+        texts, positions = ruler.get_major_formatter(), ruler.get_majorticklocs()
         if isinstance(texts, FuncFormatter) and isinstance(ruler.get_major_locator(), FixedLocator):
-            return {place: " ".join(texts(place, k).split()) for k, place in enumerate(places)}
+            return {position: " ".join(texts(position, k).split()) for k, position in enumerate(positions)}
     return {}
 
 
@@ -112,14 +112,14 @@ def _ends(bars):
 def _points(name, x, y, labels, low=(), high=()):
     low, high = (values if len(values) == len(y) else [""] * len(y) for values in (low, high))
     for point in zip(x, y, low, high):
-        place, value, *ends = point
-        yield name, _text(place), labels.get(place, ""), _text(value), *map(_text, ends)
+        position, value, *ends = point
+        yield name, _text(position), labels.get(position, ""), _text(value), *map(_text, ends)
 
 
 def _bars(container, labels):
     for bar in container:
         flat = container.orientation == "horizontal"
         start, length = (bar.get_x(), bar.get_width()) if flat else (bar.get_y(), bar.get_height())
-        place = bar.get_y() + bar.get_height() / 2 if flat else bar.get_x() + bar.get_width() / 2
-        label = labels.get(round(place), "")
-        yield container.get_label(), _text(place), label, _text(length), _text(start), _text(start + length)
+        position = bar.get_y() + bar.get_height() / 2 if flat else bar.get_x() + bar.get_width() / 2
+        label = labels.get(round(position), "")
+        yield container.get_label(), _text(position), label, _text(length), _text(start), _text(start + length)

@@ -19,11 +19,11 @@ def need_repository():
 
 def replaced(page, name, text):
     """The page with the part `name` renewed; ValueError if the page has no such part."""
-    found = re.search(rf"<!-- {name}: .*? -->\n", page)
-    if not found:
+    match = re.search(rf"<!-- {name}: .*? -->\n", page)
+    if not match:
         raise ValueError(f"no part {name!r} in the page")
-    end = page.index("<!-- end -->", found.end())
-    return f"{page[: found.end()]}\n{text.strip()}\n\n{page[end:]}"
+    end = page.index("<!-- end -->", match.end())
+    return f"{page[: match.end()]}\n{text.strip()}\n\n{page[end:]}"
 
 
 def markdown(table):

@@ -42,8 +42,8 @@ def overrides(sets, *named):
     """Overrides of `--set` and of named options: (path, value, source), without those that were not given."""
     from testbench.config import Override, parse_set
 
-    given = [Override(path, value, source) for path, value, source in named if value is not None]
-    return [parse_set(text) for text in sets or ()] + given
+    option_overrides = [Override(path, value, source) for path, value, source in named if value is not None]
+    return [parse_set(text) for text in sets or ()] + option_overrides
 
 
 def load(path, overrides):

@@ -312,8 +312,12 @@ def tables_html(tables):
 
 def head_html(title, notes=()):
     """Parts of a page: title, version, notes as a list."""
-    said = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
-    return [f"<h1>{html.escape(title)}</h1>", f'<p class="note">ftr-gyro {VERSION}</p>', said and f"<ul>{said}</ul>"]
+    notes_html = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    return [
+        f"<h1>{html.escape(title)}</h1>",
+        f'<p class="note">ftr-gyro {VERSION}</p>',
+        notes_html and f"<ul>{notes_html}</ul>",
+    ]
 
 
 def page_html(title, parts):

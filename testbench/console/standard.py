@@ -36,8 +36,8 @@ class Stream(io.FileIO):
 def _wrapped(stream, descriptor):
     """A text stream on the same descriptor; interactive ones write line by line."""
     raw = io.BufferedWriter(Stream(descriptor))
-    wanted = {"encoding": stream.encoding, "errors": "replace", "newline": None}
-    return io.TextIOWrapper(raw, line_buffering=stream.isatty() or descriptor == 2, **wanted)
+    text_options = {"encoding": stream.encoding, "errors": "replace", "newline": None}
+    return io.TextIOWrapper(raw, line_buffering=stream.isatty() or descriptor == 2, **text_options)
 
 
 def settle():

@@ -35,13 +35,13 @@ def design(
         outputs.check_folder(folder)
     with Progress(quiet=as_json) as progress:
         progress("design", 0, 1)
-        from testbench.design import confirm, design_page, designer
+        from testbench.design import confirm_design, design_page, designer
         from testbench.design import target as targets
 
         result = designer.design(targets.load(target), str(target))
         if simulate:
             progress("simulation", 0, 1)
-            result = result._replace(simulated=confirm.confirm_result(result))
+            result = result._replace(simulated=confirm_design.confirm_result(result))
         written = []
         with atomic_outputs():
             if out is not None:

@@ -6,8 +6,8 @@ Source  docs/design_of_loops.md
 import numpy as np
 
 from testbench.config import to_toml
-from testbench.console.table import Table
-from testbench.design import margins, ranges
+from testbench.console.text_table import Table
+from testbench.design import margins, range_check
 
 CHOSEN = (
     "amplitude_um",
@@ -57,7 +57,7 @@ def predicted_values(result):
         "amplitude_um": result.config.firmware.amplitude_um,
         **{f"{name}_deg": node[name] for name in node},
         **{f"{name}_loop_deg": loop[name] for name in loop},
-        "leak_deg": ranges.leak_deg(result.config),
+        "leak_deg": range_check.leak_deg(result.config),
     }
 
 
@@ -76,7 +76,7 @@ def _six_digits(value):
 
 def tables(result):
     """Tables for the terminal and the page."""
-    f, n, effects = result.config.firmware, result.config.nominal, result.rest
+    f, n, effects = result.config.firmware, result.config.nominal, result.rounding_effects
     chosen = [("sid_c_f of [nominal]", _six_digits(n.sid_c_f), "F")]
     chosen += [(name, _six_digits(getattr(f, name)), quantity_unit(name)) for name in CHOSEN]
     simulated = result.simulated._asdict() if result.simulated else {}
@@ -117,7 +117,7 @@ def as_json(result):
         "chosen": {"sid_c_f": result.config.nominal.sid_c_f, **{k: getattr(result.config.firmware, k) for k in CHOSEN}},
         "predicted": predicted_values(result),
         "simulated": result.simulated._asdict() if result.simulated else None,
-        "rounding": {k: float(v) for k, v in result.rest._asdict().items()},
+        "rounding": {k: float(v) for k, v in result.rounding_effects._asdict().items()},
         "start_up": {"nominal": result.nominal._asdict(), "slowest": result.slowest._asdict()},
         "ranges": [{**r._asdict(), "kept": r.is_satisfied} for r in result.ranges],
         "plan": [{**m._asdict(), "kept": m.is_satisfied} for m in result.plan],

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from testbench.config import changed
 from testbench.config import from_dict as config_of
-from testbench.design import drive_loops, frequency_plan, ranges, rate_loop, start_up
+from testbench.design import drive_loops, frequency_plan, range_check, rate_loop_design, start_up
 from testbench.errors import ConfigError
 from testbench.paper.loop import advisor, limit_cycles
 from testbench.paper.loop import loop as lp
@@ -35,9 +35,9 @@ class Result(NamedTuple):
     """A finished design: the configuration and everything that is predicted of it."""
 
     config: object
-    choice: rate_loop.Choice
+    choice: rate_loop_design.Choice
     advice: advisor.Advice
-    rest: limit_cycles.RoundingEffects
+    rounding_effects: limit_cycles.RoundingEffects
     nominal: start_up.StartUp
     slowest: start_up.StartUp
     promised_s: float
@@ -45,7 +45,7 @@ class Result(NamedTuple):
     plan: list
     budget: object
     amplitude_bound: str
-    limits: rate_loop.Limits
+    limits: rate_loop_design.Limits
     simulated: object = None  # `confirm.Measured`, if the engine was asked
 
     @property
@@ -120,7 +120,7 @@ def _clamp_to_limits(section, key, value):
 
 
 def _tolerances(nominal):
-    return rate_loop.Tolerances(
+    return rate_loop_design.Tolerances(
         nominal.f_tolerance, nominal.q_tolerance, nominal.transducer_tolerance, nominal.capacitor_tolerance,
         nominal.split_tolerance,
     )  # fmt: skip
@@ -132,7 +132,7 @@ def _amplitude(draft):
     if "amplitude_um" in draft.fixed:
         return "[firmware]"
     now = config.firmware.amplitude_um
-    most, bound = ranges.most_amplitude_um(ranges.ranges(config, target), now)
+    most, bound = range_check.most_amplitude_um(range_check.ranges(config, target), now)
     amplitude_um = target.amplitude_um
     scale = target.scale_lsb_per_deg_s or (target.full_scale_deg_s and 2**23 / target.full_scale_deg_s)
     if scale:
@@ -168,13 +168,13 @@ WORDS = ("phase_drive_sine_deg", "phase_sense_sine_deg", "phase_drive_ref_deg", 
 
 
 def _check_ranges(draft):
-    for r in ranges.ranges(draft.config, draft.target):
+    for r in range_check.ranges(draft.config, draft.target):
         if not r.is_satisfied:
             draft.refuse(f"{r.what}: {r.value:.4g} {r.unit} is above the limit {r.limit:.4g} {r.unit}; {r.remedy}")
 
 
 def _limits(target):
-    return rate_loop.Limits(target.peak_db, target.modulus_margin)
+    return rate_loop_design.Limits(target.peak_db, target.modulus_margin)
 
 
 def _rate_loop(draft):
@@ -186,12 +186,12 @@ def _rate_loop(draft):
     tolerances = _tolerances(config.nominal)
     limits = _limits(target)
     if target.keep_sid:
-        bands = [rate_loop.board(config, config.nominal.sid_c_f, tolerances, target.bandwidth_hz)]
+        bands = [rate_loop_design.build_board(config, config.nominal.sid_c_f, tolerances, target.bandwidth_hz)]
     else:
-        bands = rate_loop.boards(config, tolerances, target.bandwidth_hz)
+        bands = rate_loop_design.boards(config, tolerances, target.bandwidth_hz)
     failure = ""
-    for nearly in rate_loop.NEARLY:
-        choice = rate_loop.choose(config, bands, target.bandwidth_hz, limits, nearly)
+    for nearly in rate_loop_design.NEARLY:
+        choice = rate_loop_design.choose(config, bands, target.bandwidth_hz, limits, nearly)
         if choice is None:
             draft.refuse(_why(draft, bands, tolerances, limits))
         draft.set(ftr_crossover_hz=choice.crossover_hz, ftr_zero_hz=choice.zero_hz, nominal__sid_c_f=choice.sid_c_f)
@@ -206,7 +206,7 @@ def _why(draft, bands, tolerances, limits):
     target, config = draft.target, draft.config
     split = abs(config.nominal.fx_hz - config.nominal.fy_hz)
     hz = target.bandwidth_hz
-    most = rate_loop.most(bands, limits)
+    most = rate_loop_design.most(bands, limits)
     if target.keep_sid:
         return (
             f"target.bandwidth_hz = {hz:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, "
@@ -229,7 +229,7 @@ def _why(draft, bands, tolerances, limits):
         other = changed(
             config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)}
         )
-        if rate_loop.choose(other, rate_loop.boards(other, tolerances, hz), hz, limits):
+        if rate_loop_design.choose(other, rate_loop_design.boards(other, tolerances, hz), hz, limits):
             need = f"{by * split:.3g} Hz would do"
             return f"{text}: the split fx_hz - fy_hz of {split:.4g} Hz of [nominal] is the constraint; {need}"
     return f"{text}: the delay of the converter's frames is the constraint"
@@ -237,10 +237,10 @@ def _why(draft, bands, tolerances, limits):
 
 def _drive_loops(draft):
     """Set drive loops and words of the start-up; returns what stops them, or ""."""
-    found = drive_loops.words(draft.config)
-    if not found.failure:
-        draft.set(**found.keys)
-    return found.failure
+    loop_words = drive_loops.words(draft.config)
+    if not loop_words.failure:
+        draft.set(**loop_words.keys)
+    return loop_words.failure
 
 
 def _start_up(draft):
@@ -314,7 +314,7 @@ def _designed(file, source):
         nominal,
         slowest,
         promised,
-        ranges.ranges(config, target),
+        range_check.ranges(config, target),
         frequency_plan.plan(
             n.device(), target.bandwidth_hz, n.f_tolerance, config.design_record(), drive_loops.frequency_loop(config)
         ),

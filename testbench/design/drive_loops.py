@@ -10,7 +10,7 @@
     weakest signal   s = sinc(d kick) (1 + (d / corner)^2)^-1.5 of the kick, at the least gains, and
                      fallen with the least Q until the search ends
     search           noise and the SID's offset turn it by less than CAPTURE of the frequency loop's crossover:
-                     (sqrt 2 noise + 2 offset) / s / (2 pi T);  found if above FOUND_SHARE s
+                     (sqrt 2 noise + 2 offset) / s / (2 pi T);  found if above DETECTION_SHARE s
     retune           until three SID poles have SETTLED
 Source  docs/design_of_loops.md
 """
@@ -32,7 +32,7 @@ MOST_SHARE, REACH_ROOM, LEAST_SHARE = 0.95, 0.95, 0.5
 SEARCH_ROOM, LEAST_OFF_HZ = 1.1, 20.0
 KICK_SHARE, SETTLED = 0.3, 0.01
 LEAST_SEARCH_S, MOST_SEARCH_S = 0.06, 0.5
-NOISE_ROOM, FOUND_SHARE, CAPTURE = 8.0, 0.4, 0.25  # weakest signal over rms noise, beside the SID's offset
+NOISE_ROOM, DETECTION_SHARE, CAPTURE = 8.0, 0.4, 0.25  # weakest signal over rms noise, beside the SID's offset
 LEAST_SIGNAL_V = 1e-15  # stands for none
 LOOP_DELAY_FRAMES = 3.6  # converter, frame, word, hold
 
@@ -141,7 +141,7 @@ def words(config):
         "decay_s": decay_s,
         "retune_s": _settling(SETTLED) * tau,
         "search_s": search_s,
-        "search_min_v": FOUND_SHARE * weakest,
+        "search_min_v": DETECTION_SHARE * weakest,
         "acquire_timeout_s": min(max(2.0, 10 / (2 * math.pi * zero)), 8.0),
     }
     return Words({k: float(f"{v:.4g}") for k, v in keys.items()}, phase_margin_deg(drive), weakest, noise, failure)

@@ -32,13 +32,13 @@ from analog_frontend.parts import sid
 from fpga_model.design_record import DEFAULT
 from testbench.design import drive_loops
 
-MOST_PLACES = 24  # of a tick: at 11 kHz what is finer wanders by less than a sixth of a degree
+MOST_PHASES = 24  # of a tick: at 11 kHz what is finer wanders by less than a sixth of a degree
 HARMONICS = (1, 2)
 LINES = np.arange(1, 65)  # of the beat: the SID leaves nothing of higher ones where the bound is below 1/2
 ROUNDS = 20  # from the slowest beat that the loop can make, each nearer to its own
 MEAN_S = 1.0  # of which the plan states the frequency's mean
 LEAST_STEPS = 4  # of the DDS within the half bandwidth f / 2Q
-SEEN_DB = -100.0  # of the sense signal: a weaker alias is below a millionth of it
+LEAST_ALIAS_DB = -100.0  # of the sense signal: a weaker alias is below a millionth of it
 
 
 class Meeting(NamedTuple):
@@ -57,16 +57,16 @@ class Meeting(NamedTuple):
 class Slide(NamedTuple):
     """A ratio of ticks to half turns: places of the tick, its exact frequency, beat, wander (deg peak to peak)."""
 
-    places: int
+    phase_count: int
     exact_hz: float
     beat_hz: float
     wander_deg: float
 
 
 def slides(f_hz, design=DEFAULT):
-    """[Slide, ...] of all ratios up to MOST_PLACES near a drive frequency, the slowest beat first."""
+    """[Slide, ...] of all ratios up to MOST_PHASES near a drive frequency, the slowest beat first."""
     slide_rows, step_hz = [], design.master_hz / 2**design.dds_bits
-    for q in range(1, MOST_PLACES + 1):
+    for q in range(1, MOST_PHASES + 1):
         p = round(q * design.tick_hz / (2 * f_hz))
         if p and math.gcd(p, q) == 1:
             beat = max(abs(q * design.tick_hz - 2 * p * f_hz) - 2 * p * step_hz, 0.0)
@@ -101,8 +101,8 @@ def slide_deg(f_hz, seconds, design=DEFAULT, loop=None):
 def gap_turns(f_hz, loop, design=DEFAULT):
     """Turns (peak to peak) of theta that move no edge: the largest gap between places of those in the loop's memory."""
     edges = np.arange(int(f_hz / (math.pi * loop.crossover_hz)))
-    places = np.sort(edges * (design.tick_hz / (2 * f_hz)) % 1.0)
-    return float(np.diff(places, append=places[0] + 1.0).max()) * f_hz / design.tick_hz
+    edge_phases = np.sort(edges * (design.tick_hz / (2 * f_hz)) % 1.0)
+    return float(np.diff(edge_phases, append=edge_phases[0] + 1.0).max()) * f_hz / design.tick_hz
 
 
 def word_hz(f_hz, seconds, loop, design=DEFAULT):
@@ -128,7 +128,7 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     """[Meeting, ...] of a board whose rate loop has a bandwidth (Hz); `loop` as in `dwell`."""
     f = device.fx_hz
     slow = slides(f, design)[0]
-    ratio = f"edges on the tick, {slow.places} places, exact at {slow.exact_hz:.1f} Hz"
+    ratio = f"edges on the tick, {slow.phase_count} places, exact at {slow.exact_hz:.1f} Hz"
     off_deg = slow.wander_deg * dwell(slow.beat_hz, math.inf, loop)
     effect = f"references wander by {slow.wander_deg:.3f} deg, about a mean that is {off_deg:.3f} deg off"
     if loop is not None:
@@ -141,7 +141,7 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
             Meeting(
                 f"{h} f at the frames of {design.frame_hz:g} Hz, tolerance included",
                 alias_distance_hz,
-                bandwidth_hz if level > SEEN_DB else 0.0,
+                bandwidth_hz if level > LEAST_ALIAS_DB else 0.0,
                 f"ripple of {level:.0f} dB of the sense signal",
             )
         )

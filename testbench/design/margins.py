@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.config import changed
-from testbench.design import rate_loop
+from testbench.design import rate_loop_design
 
 
 class Margins(NamedTuple):
@@ -24,7 +24,7 @@ class Margins(NamedTuple):
 
 def margins(o, zero_hz, gain):
     """`Margins` of an opened loop, linear between the points of its grid."""
-    back = -gain * rate_loop.controller(o, zero_hz) * o.word
+    back = -gain * rate_loop_design.controller(o, zero_hz) * o.word
     size, turn = np.log(np.abs(back)), np.angle(-back)
     k = np.flatnonzero(np.sign(size[1:]) != np.sign(size[:-1]))
     part = size[k] / (size[k] - size[k + 1])
@@ -55,10 +55,10 @@ def margin_map(config, bandwidths_hz, splits_hz, limits, progress=None):
     sign = math.copysign(1.0, config.nominal.fx_hz - config.nominal.fy_hz)
     for row, split in enumerate(splits_hz):
         other = changed(config, {"nominal.fy_hz": float(config.nominal.fx_hz - sign * split)})
-        bands = rate_loop.boards(other, None, *bandwidths_hz)
+        bands = rate_loop_design.boards(other, None, *bandwidths_hz)
         for column, bandwidth in enumerate(bandwidths_hz):
-            ranked = sorted(rate_loop.feasible_points(bands, bandwidth, limits), key=lambda m: -m.modulus)
-            m = next((m for m in ranked if rate_loop.is_stable(m.board.nominal, m.gain, m.zero_hz)), None)
+            ranked = sorted(rate_loop_design.feasible_points(bands, bandwidth, limits), key=lambda m: -m.modulus)
+            m = next((m for m in ranked if rate_loop_design.is_stable(m.board.nominal, m.gain, m.zero_hz)), None)
             if m is not None:
                 at = margins(m.board.nominal, m.zero_hz, m.gain)
                 out.gain_db[row, column], out.phase_deg[row, column] = at

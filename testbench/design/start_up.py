@@ -207,10 +207,10 @@ def completed(before, config):
     """`StartUp` behind a `Driven`, with the sense loops of a configuration."""
     if before.so_far.failure:
         return before.so_far
-    rest = _balanced(build.firmware(config).control.sequencer, config)
-    if rest is None:
+    balance_frames = _balanced(build.firmware(config).control.sequencer, config)
+    if balance_frames is None:
         return before.so_far._replace(failure=f"the sense loops do not settle within {LIMIT_S:g} s")
-    return before.so_far._replace(lock_s=(before.frames + rest) / config.design_record().frame_hz)
+    return before.so_far._replace(lock_s=(before.frames + balance_frames) / config.design_record().frame_hz)
 
 
 def predict(config):

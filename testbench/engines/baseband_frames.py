@@ -69,11 +69,11 @@ def _record_row(p, rom, u, c, bank, phase, word, codes, quadrature, z, temp_degc
     if row >= frames.shape[0]:
         return
     d = p.design
-    dac_phase = narrowed(d, phase - u.drive_late * word)
+    dac_phase = narrowed(d, phase - u.drive_delay_clocks * word)
     amplitude = control.amplitude(p.control, c)
     y = sine.phase_sine(d, rom, wrap_unsigned(dac_phase + bank.phase_drive_sine, d.dds_bits))
     drive = modulator.dac_code(p.drive_modulator, amplitude, y)
-    dac_phase = narrowed(d, phase - u.sense_late * word)
+    dac_phase = narrowed(d, phase - u.sense_delay_clocks * word)
     y = sine.phase_sine(d, rom, wrap_unsigned(dac_phase + bank.phase_sense_sine, d.dds_bits))
     sense = modulator.dac_code(p.sense_modulator, c.rate_loop.loop.y, y)
     engine.record_frame(frames[row], truth[row], c, codes, drive, sense, quadrature, z, temp_degc, rate_rad_s)

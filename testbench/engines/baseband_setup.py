@@ -33,7 +33,7 @@ DRIVE_TICK = 0.022  # turns a tick, 22 kHz at 1 MHz: an edge is carried by a sma
 SPLIT = 0.0625  # 500 Hz, 0.4 rad: the cubic of an envelope
 RING = 0.000625  # 5 Hz, half width of a mode
 CORNER = 0.0125  # 100 Hz, of the demodulators
-ROUNDED_BELOW = 1 << 18  # codes of the sense DAC: those of 20 bits are not rounded
+ROUNDING_LIMIT = 1 << 18  # codes of the sense DAC: those of 20 bits are not rounded
 CORNER_PART = 1 / 32  # of the drive frequency: a half period is at most 0.2 of RC
 RATE_LIMIT_DEG_S = 1000.0
 
@@ -54,8 +54,8 @@ class Setup(NamedTuple):
     rc_ticks: float
     rc_frames: float
     clock_s: float
-    drive_late: int  # clocks from the phase to the code that a DAC puts out
-    sense_late: int
+    drive_delay_clocks: int  # clocks from the phase to the code that a DAC puts out
+    sense_delay_clocks: int
     laws: averaged_laws.Params
     drive_change: int  # clocks from the change of the frequency word to that of the drive's force
     sense_later: tuple  # cos, sin of twice the phase from there to the change of the sense force
@@ -230,7 +230,7 @@ def setup(p):
         drive,
         p.plant.drive_dac.lsb_v,
         sense,
-        p.plant.sense_dac.lsb_v if f.sense_modulator.hi < ROUNDED_BELOW else 0.0,
+        p.plant.sense_dac.lsb_v if f.sense_modulator.hi < ROUNDING_LIMIT else 0.0,
         rc_ticks,
         rc_ticks / d.frame_ticks,
         tick_s / d.tick_clocks,

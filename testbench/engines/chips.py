@@ -34,7 +34,7 @@ class Chips(NamedTuple):
 DAC8811 = Chip("DAC8811", 16, spi_dac.DAC8811, dac_serial.DAC8811, 50_000_000, 10e-9)
 AD5791 = Chip("AD5791", 20, spi_dac.AD5791, dac_serial.AD5791, 35_000_000, 10e-9)
 DAC82002 = Chip("DAC82002", 16, spi_dac.DAC82002, dac_serial.DAC82002, 50_000_000, 9e-9)
-NAMED = {chip.name: chip for chip in (DAC8811, AD5791, DAC82002)}
+DAC_CHIPS = {chip.name: chip for chip in (DAC8811, AD5791, DAC82002)}
 DEFAULT = Chips(DAC8811, AD5791, DAC82002)
 GENERIC = "generic"
 GENERIC_HZ, GENERIC_HIGH_S = 200_000_000, 2.5e-9
@@ -79,7 +79,7 @@ def generic_dac(bits, signed=True, frame_bits=0, command=0, tail_bits=0, lead_cl
 def _role_chip(design, role, bits):
     """The DAC of a role, its SCLK divided."""
     name = getattr(design, f"{role}_dac")
-    chip = NAMED.get(name)
+    chip = DAC_CHIPS.get(name)
     if name == GENERIC:
         keys = {key: getattr(design, f"{role}_dac_{key}") for key in GENERIC_KEYS}
         chip = generic_dac(bits, role != "quadrature", **keys)

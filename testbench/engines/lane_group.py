@@ -47,7 +47,7 @@ from testbench.flatten import store as store_row
 FAR = np.int64(1 << 62)
 DRIVE, SENSE = plant.DRIVE, plant.SENSE
 RATE, STIFFNESS, TEMP = range(3)
-MOVED = len(MOVING)
+MOVING_COUNT = len(MOVING)
 COLUMNS, TRUTHS = len(engine.FRAME_COLUMNS), len(engine.TRUTH_COLUMNS)
 
 
@@ -99,7 +99,7 @@ ROOM = linear.BLOCK + HISTORY
 class Group(NamedTuple):
     """Eight gyroscopes in arrays, most of them with a first axis of eight; behind those of their plants."""
 
-    jet: doubles(propagator.JETS * MOVED * LANES)  # jets at each one's temperature, lanes side by side
+    jet: doubles(propagator.JETS * MOVING_COUNT * LANES)  # jets at each one's temperature, lanes side by side
     now: doubles(3 * LANES)  # rate, stiffness, temperature that the matrix was made for, lanes side by side
     block_states: int64s(LANES, BLOCK_STATE_COUNT)  # rows of BlockState
     faults: int64s(LANES, sum(1 for _ in leaves(FAULTS)))  # rows of engine.Faults
@@ -112,11 +112,11 @@ class Group(NamedTuple):
     sar: int64s(LANES, 2, ROOM)
     drive_codes: int64s(LANES, linear.BLOCK)
     sense_codes: int64s(LANES, linear.BLOCK)
-    known: int64s(LANES)  # ticks of a block whose words a window has left in the buffers
+    buffered_ticks: int64s(LANES)  # ticks of a block whose words a window has left in the buffers
     acting: int64s(LANES, 2, 2)  # codes: put out now, put out from the next tick on
     late_area: doubles(LANES, 2)
     entered: int64s(LANES)  # tick
-    left: int64s(LANES)  # tick, or -1
+    exit_tick: int64s(LANES)  # tick, or -1
     ends: int64s(LANES)  # where the chunk ends; -1 for a place without a gyroscope
     z: doubles(LANES, plant.STATES)  # states of those that have not entered or have left
     caps: doubles(LANES, plant.DEMODULATORS, sid.CAPACITORS)
@@ -146,9 +146,9 @@ def _blended(c, floats, ints, p, k, temp_degc):
         index, weight = propagator.locate(p.temp_lo_degc, p.temp_step_k, p.temp_count, temp_degc)
     after = min(index + 1, p.temp_count - 1)
     for j in range(propagator.JETS):
-        for e in range(MOVED):
+        for e in range(MOVING_COUNT):
             a = c.moving[k, index, j, e]
-            q.jet[(j * MOVED + e) * LANES + k] = a + weight * (c.moving[k, after, j, e] - a)
+            q.jet[(j * MOVING_COUNT + e) * LANES + k] = a + weight * (c.moving[k, after, j, e] - a)
     for e in range(STILL):
         a = c.still[k, index, e]
         v.g[e * LANES + k] = a + weight * (c.still[k, after, e] - a)
@@ -180,8 +180,8 @@ def _combined(floats, ints):
     """The moving entries of all eight matrices, as `propagator.combine`. Mutates them."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     o, s = load(q.now, RATE * LANES), load(q.now, STIFFNESS * LANES)
-    size = MOVED * LANES
-    for e in range(MOVED):
+    size = MOVING_COUNT * LANES
+    for e in range(MOVING_COUNT):
         at = e * LANES
         small = (s * s) * load(q.jet, at + 5 * size) + (o * s) * load(q.jet, at + 4 * size)
         small = small + (o * o) * load(q.jet, at + 3 * size)
@@ -301,13 +301,13 @@ def _nearest(part, parts_i, parts_f, floats, ints, tick):
     for k in range(LANES):
         if tick < q.entered[k]:
             until = min(until, q.entered[k])
-        elif q.left[k] < 0:
+        elif q.exit_tick[k] < 0:
             p = unpack_record(part, parts_i[k], parts_f[k])
             g = unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
             faults = unpack_record(FAULTS, q.faults[k], parts_f[k])
             event_tick = ticks_to_event(p.fpga.design, p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
             if event_tick == tick:
-                q.left[k] = tick
+                q.exit_tick[k] = tick
             else:
                 until = min(until, event_tick)
     return until
@@ -318,11 +318,11 @@ def _advance_lane_control(part, parts_i, parts_f, floats, ints, k, tick, n):
     """The 8 kHz side of one gyroscope in a block, if it has work there. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     p, g = unpack_record(part, parts_i[k], parts_f[k]), unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
-    q.known[k] = 0
+    q.buffered_ticks[k] = 0
     if await_frame(p.fpga, g, tick):
         s, _, window_ticks = advance_control(p.fpga, g, tick, n, q.sar[k, :, 0], _buffers(q, v, k))
         store_row(q.block_states[k, SID:], s)
-        q.known[k] = window_ticks
+        q.buffered_ticks[k] = window_ticks
 
 
 @outlined
@@ -334,7 +334,9 @@ def _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n):
     faults = unpack_record(FAULTS, q.faults[k], parts_f[k])
     drive_codes, sense_codes = q.drive_codes[k], q.sense_codes[k]
     b = _buffers(q, v, k)
-    g, count = words_of_ticks(p.fpga, c.rom, g, g.s, g.sid, q.known[k], faults, tick, n, drive_codes, sense_codes, b)
+    g, count = words_of_ticks(
+        p.fpga, c.rom, g, g.s, g.sid, q.buffered_ticks[k], faults, tick, n, drive_codes, sense_codes, b
+    )
     store_row(q.block_states[k, HEAD:], (g.s[2:], g[2:]))
     v.edge_counts[k] = count
     _store_dac_codes(v, q, k, DRIVE, p.drive_dac, v.carry[k] == 1.0, drive_codes, n)
@@ -358,7 +360,7 @@ def _converted(part, parts_i, parts_f, floats, ints, n):
                 side_by_side_adc.gather_outputs(a, v.out, k, n)
                 side_by_side_adc.store_sums(a, k)
                 p = unpack_record(part, parts_i[k], parts_f[k]).adc
-                a.fell[k] = adc.convert_block(p, a.clock[k], a.own_sums[k], a.row, n, a.sensor_v[k])
+                a.fell[k] = adc.convert_block(p, a.clock[k], a.lane_sums[k], a.row, n, a.sensor_v[k])
                 side_by_side_adc.enter(a, k)
 
 
@@ -402,20 +404,20 @@ def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
     while tick < FAR:
         changed = 0
         for k in range(LANES):
-            if q.entered[k] == tick and q.left[k] < 0:
+            if q.entered[k] == tick and q.exit_tick[k] < 0:
                 _load_registers(part, parts_i, parts_f, floats, ints, c, k)
                 changed += 1
         until = _nearest(part, parts_i, parts_f, floats, ints, tick)
         n, busy = until - tick, 0
         for k in range(LANES):
             v.edge_counts[k] = 0
-            v.active[k] = 1 if q.entered[k] <= tick and q.left[k] < 0 else 0
+            v.active[k] = 1 if q.entered[k] <= tick and q.exit_tick[k] < 0 else 0
             if v.active[k]:
                 if tick % c.frame_ticks == 0:
                     changed += _framed(part, parts_i, parts_f, floats, ints, c, k, tick)
                 _advance_lane_control(part, parts_i, parts_f, floats, ints, k, tick, n)
                 busy += 1
-            elif q.left[k] == tick and q.entered[k] < tick:
+            elif q.exit_tick[k] == tick and q.entered[k] < tick:
                 _unload_registers(floats, ints, k)
                 c.peak_x[k] = v.peak[k]
         for k in range(LANES):

@@ -195,7 +195,7 @@ class Engine:
         if not all(getattr(o, name).flags.c_contiguous for o in streams for name in STREAMS):
             raise ValueError("lanes: a stream is not one piece of memory")
         end = begin + ticks
-        q.ends[:], q.left[:], q.entered[:] = end, end, FAR
+        q.ends[:], q.exit_tick[:], q.entered[:] = end, end, FAR
         chunks, begun = [], []
         for k, (p, s) in enumerate(zip(self.params, states)):
             edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
@@ -205,7 +205,7 @@ class Engine:
             )
             begun.append((f, chips, drdy_cycle))
             if tick < end:
-                q.entered[k], q.left[k] = tick, -1
+                q.entered[k], q.exit_tick[k] = tick, -1
                 self._load_plant(k, s.plant, faults[k])
         count = len(states)
         group_chunk = GroupChunk(
@@ -229,7 +229,7 @@ class Engine:
                 streams[k].peak_x[0] = max(streams[k].peak_x[0], group_chunk.peak_x[k])
                 now = q.now.reshape(3, LANES)[:, k].copy()
                 f, chips, drdy_cycle, failed = leave_lane(
-                    self.params[k], f, chips, a, chunks[k], end, q.block_states[k], q.left[k], now
+                    self.params[k], f, chips, a, chunks[k], end, q.block_states[k], q.exit_tick[k], now
                 )
             if failed:
                 raise RuntimeError(f"lanes engine: the registers of tick {failed} are not those of the clocked engine")
@@ -237,8 +237,8 @@ class Engine:
         return after
 
     def _buffers(self, k):
-        places = self.q._asdict() | {"edges": self.v.edges}
-        return pins.Buffers(*(places[name][k] for name in pins.Buffers._fields))
+        arrays = self.q._asdict() | {"edges": self.v.edges}
+        return pins.Buffers(*(arrays[name][k] for name in pins.Buffers._fields))
 
     def _load_plant(self, k, a, faults):
         """A plant's state into the group."""
@@ -248,7 +248,7 @@ class Engine:
             if fault:
                 q.z[k, state] = np.nan
         v.late_tau_s[k], v.late_count[k], v.switch[k] = a.late_tau_s, a.late_count, a.switch
-        self.a.clock[k], self.a.own_sums[k] = a.adc.clock, a.adc.sums
+        self.a.clock[k], self.a.lane_sums[k] = a.adc.clock, a.adc.sums
         q.now.reshape(3, LANES)[:, k] = a.now[:3]
         for which, part in enumerate((p.drive_dac, p.sense_dac)):
             q.acting[k, which] = (_dac_code(part, a.volts[which]), a.codes[which])
@@ -258,7 +258,7 @@ class Engine:
         v, q, p = self.v, self.q, self.params[k].plant
         a.z[:], a.caps[:], a.late_area[:] = q.z[k], q.caps[k], q.late_area[k]
         a.late_tau_s[:], a.late_count[:], a.switch[:] = v.late_tau_s[k], v.late_count[k], v.switch[k]
-        a.adc.clock[:], a.adc.sums[:] = self.a.clock[k], self.a.own_sums[k]
+        a.adc.clock[:], a.adc.sums[:] = self.a.clock[k], self.a.lane_sums[k]
         a.cycles[:] = self.clocks
         a.now[:] = np.inf
         for which, part in enumerate((p.drive_dac, p.sense_dac)):

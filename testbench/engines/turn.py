@@ -88,8 +88,8 @@ def change_word(turn, clock, word):
 @inner
 def _crossing(turn, offset, clock, word):
     """First clock after `clock` that would see another quarter turn at this word."""
-    left = (1 << (turn.bits - 2)) - wrap_unsigned(phase_at(turn, clock) + offset, turn.bits - 2)
-    return clock + (left + word - 1) // word
+    remaining = (1 << (turn.bits - 2)) - wrap_unsigned(phase_at(turn, clock) + offset, turn.bits - 2)
+    return clock + (remaining + word - 1) // word
 
 
 @inner

@@ -29,7 +29,7 @@ from fpga_model import (
 from fpga_model.control import SLOT_PI
 from fpga_model.jit import inlined, inner, outlined
 from fpga_model.rates import SLOT_ROOT, SLOT_SEQUENCER, SLOTS
-from testbench.engines import closed_form, engine
+from testbench.engines import closed_form_window, engine
 from testbench.engines.turn import Turn, change_word
 
 SLOT_WORD = SLOT_PI + 2  # after it the frequency word holds what the loop has found
@@ -57,7 +57,7 @@ def valid_clocks(d):
 @inlined
 def first_channel_clocks(d):
     """Clocks from the one in which DRDY falls to the one that sees the first channel."""
-    return 1 + spi_adc.SEEN_CLOCKS + 2 * spi_adc.word_clocks(d)
+    return 1 + spi_adc.DRDY_CLOCKS + 2 * spi_adc.word_clocks(d)
 
 
 @inner
@@ -125,11 +125,11 @@ def run_window(d, p, s, i, bank):
 
     What has nothing to do in a slot is at rest there: CORDIC first, then the sequencer, the loops, root and output.
     """
-    s = s._replace(cordic=closed_form.rotate(d, s.cordic, cordic.negated(i.drive_cos), i.drive_sin))
+    s = s._replace(cordic=closed_form_window.rotate(d, s.cordic, cordic.negated(i.drive_cos), i.drive_sin))
     s = s._replace(sequencer=control.sequenced(p, s, i, bank))
-    s, word = closed_form.close_loops(d, p, s, i, bank)
-    out = closed_form.scale_rate(control.output_params(bank), s.rate_output)
-    loop = s.quadrature_loop._replace(root=closed_form.root(s.quadrature_loop.root))
+    s, word = closed_form_window.close_loops(d, p, s, i, bank)
+    out = closed_form_window.scale_rate(control.output_params(bank), s.rate_output)
+    loop = s.quadrature_loop._replace(root=closed_form_window.root(s.quadrature_loop.root))
     return s._replace(quadrature_loop=loop, rate_output=out), word
 
 

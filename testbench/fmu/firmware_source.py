@@ -8,8 +8,8 @@ from fpga_model import registers
 from fpga_model import top as fpga
 from testbench import flatten
 from testbench.engines import chips, engine
-from testbench.golden.c_model import export as c_model
-from testbench.golden.c_model.kinds import NUMBER, infer_kind
+from testbench.golden.c_model import export_c as c_model
+from testbench.golden.c_model.c_kinds import NUMBER, infer_kind
 
 
 def _array(name, values):

@@ -86,11 +86,11 @@ def plant(start, temp_degc, acceleration_g=0.0):
 
 def numbered(variables):
     """[(value reference, variable)]."""
-    first, found = 0, []
+    first, references = 0, []
     for v in variables:
-        found.append((first, v))
+        references.append((first, v))
         first += v.size
-    return found
+    return references
 
 
 def header(variables, token, tick_hz):

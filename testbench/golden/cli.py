@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from testbench.console import options
-from testbench.golden.loop_cli import loop
+from testbench.golden.golden_loop_cli import loop
 
 app = typer.Typer(
     name="golden",
@@ -46,8 +46,8 @@ def export(
 
     def write_bundles(folder):
         written = write(block, folder, config=config, frames=frames)
-        shown = c / "golden" if out is None else out
-        exported_bundles.extend((shown.joinpath(*path.parts[-2:]), manifest) for path, manifest in written)
+        display_root = c / "golden" if out is None else out
+        exported_bundles.extend((display_root.joinpath(*path.parts[-2:]), manifest) for path, manifest in written)
 
     with atomic_outputs():
         files = [] if c is None else _export_c(c, config, None if out else lambda new: write_bundles(new / "golden"))
@@ -68,7 +68,7 @@ def export(
 
 
 def _export_c(folder, config, fill):
-    from testbench.golden.c_model.export import export as write
+    from testbench.golden.c_model.export_c import export as write
 
     return write(folder, config, fill)
 
@@ -123,7 +123,7 @@ def window(
     """Write every clock of one place as a bundle of its own: where a signature differs, it finds the register."""
     from testbench.errors import ConfigError
     from testbench.golden.bundles import bundle
-    from testbench.golden.bundles.top import window as write
+    from testbench.golden.bundles.design_bundle import window as write
 
     if (clock is None) == (frame is None):
         raise ConfigError("--clock, --frame: one of them is needed, not both")
@@ -203,7 +203,7 @@ def _package(out, folder, report):
 
     write = divergence.write_top if report.block == "top" else divergence.write_block
     try:
-        return write(out or folder / divergence.PLACE, folder, report), None
+        return write(out or folder / divergence.SUBFOLDER, folder, report), None
     except FileError as problem:
         if out is not None:
             raise
@@ -299,9 +299,9 @@ def mutate(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
     """Mutation score: what share of small faults in a design the vectors see; needs yosys."""
-    from testbench.golden.mutation.mutate import record, score
+    from testbench.golden.mutation.mutate import record, score_bundle
 
-    outcome = score(folder, rtl, count, seed)
+    outcome = score_bundle(folder, rtl, count, seed)
     if write:
         record(folder, outcome)
     typer.echo(json.dumps(outcome.to_dict()) if as_json else outcome.text())

@@ -16,16 +16,16 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.golden.bundles import bundle, export, recompute
-from testbench.golden.bundles import top as bundles
+from testbench.golden.bundles import design_bundle as bundles
 from testbench.golden.check import compare, top_run
 from testbench.golden.diagnosis.design_graph import report_name
-from testbench.golden.recording import board_pins, recording, replay
+from testbench.golden.recording import board_pins, recording, replay_recording
 from testbench.storage import vcd
 from testbench.storage.files import write_text
 
 CASE = "loop"
 PINS = len(board_pins.WIDTHS)
-PLACE = f"{bundle.BUILD}/divergence"  # in the bundle of a block
+SUBFOLDER = f"{bundle.BUILD}/divergence"  # in the bundle of a block
 FRAMES = 2  # of 8 kHz before the row that differs
 AFTER = 64  # rows of a block behind it
 
@@ -47,7 +47,9 @@ def write(folder, difference):
     window = recording.Window(first, row + 1 - first, "up to the row that differs")
     out, at = folder / "bundle" / bundles.STEM / CASE, np.arange(first, row + 1)
     manifest = bundles.write(bundles.first_frames(record, frames, (window,)), out, at, include_design=True)
-    golden = replay.run(observation.params, observation.stimulus, -(-end // design.frame_clocks), np.arange(first, end))
+    golden = replay_recording.run(
+        observation.params, observation.stimulus, -(-end // design.frame_clocks), np.arange(first, end)
+    )
     golden = np.column_stack([golden.inputs, golden.registers, golden.pins])
     report = _report(observation, top_run.prefixed_manifest(manifest) | {"n": end - first}, golden, first, row)
     # behind the difference there was no plant
@@ -59,7 +61,7 @@ def write(folder, difference):
 
 def _report(observation, manifest, golden, first, row):
     """`compare.Report` of what a `run.Recorded` shows from row `first` on; up to `row` it is golden."""
-    kinds = ("inputs", "registers", "outputs") if observation.places[0] == 0 else ("inputs", "outputs")
+    kinds = ("inputs", "registers", "outputs") if observation.signal_indices[0] == 0 else ("inputs", "outputs")
     visible_names = [p["name"] for kind in kinds for p in manifest[kind]]
     names = [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
     yours, count = golden.copy(), len(manifest["inputs"])
@@ -96,7 +98,7 @@ def _build_waveform(block, rows, report, first, end):
             waves.append((order, vcd.Signal(name, port.width, port.signed), column, np.ones(end - first, bool)))
             continue
         waves.append((order, vcd.Signal(f"{name}.golden", port.width, port.signed), column, np.ones(end - first, bool)))
-        waves.append((order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.known[span]))
+        waves.append((order, vcd.Signal(f"{name}.yours", port.width, port.signed), mine.values[span], mine.valid[span]))
     _, signals, values, valid_masks = zip(*sorted(waves, key=lambda one: one[0]), strict=True)
     return signals, np.column_stack(values), np.column_stack(valid_masks)
 

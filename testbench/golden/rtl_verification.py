@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.bundles import bundle, export, top
+from testbench.golden.bundles import bundle, design_bundle, export
 from testbench.golden.bundles import scores as measured
 from testbench.golden.loop import library
 from testbench.golden.loop import run as loop
@@ -111,7 +111,7 @@ def _score_block(stem, rtl, out, count):
     folder = out / stem / case
     if not folder.is_dir():
         export.export(stem, out)
-    outcome = mutate.score(folder, rtl, count, SEED)
+    outcome = mutate.score_bundle(folder, rtl, count, SEED)
     mutate.record(folder, outcome)
     manifest = bundle.verify(folder)
     return outcome, {case: measured.vectors(manifest)}, mutate.sources(manifest, rtl)
@@ -119,17 +119,17 @@ def _score_block(stem, rtl, out, count):
 
 def _score_wiring(rtl, out, count):
     """As `_score_block`, of the wiring, over its recordings."""
-    outcome = mutate_top.score(rtl, count=count)
+    outcome = mutate_top.score_wiring(rtl, count=count)
     for case in mutate_top.CASES:
-        if (out / top.STEM / case).is_dir():
-            mutate.record(out / top.STEM / case, outcome)
+        if (out / design_bundle.STEM / case).is_dir():
+            mutate.record(out / design_bundle.STEM / case, outcome)
     vectors = {case: recording.sha256(recording.load(case)) for case in mutate_top.CASES}
     return outcome, vectors, library.sources(rtl)
 
 
 def scores(rtl, out, options):
     """Mutation score of a case of every block and of the wiring; True if all that are measured have passed."""
-    stems, all_passed = [*blocks.BLOCKS, top.STEM], True
+    stems, all_passed = [*blocks.BLOCKS, design_bundle.STEM], True
     for stem in options.only:
         if stem not in stems:
             raise ConfigError(f"--only: {stem!r} is not one of {', '.join(stems)}")
@@ -137,7 +137,9 @@ def scores(rtl, out, options):
     for stem in options.only or stems:
         began = cpu_s()
         outcome, vectors, files = (
-            _score_wiring(rtl, out, options.count) if stem == top.STEM else _score_block(stem, rtl, out, options.count)
+            _score_wiring(rtl, out, options.count)
+            if stem == design_bundle.STEM
+            else _score_block(stem, rtl, out, options.count)
         )
         took = cpu_s() - began
         echo("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")

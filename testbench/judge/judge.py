@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 from testbench.errors import FileError
 from testbench.judge import numbers as printed
+from testbench.judge.number_verdict import NOT_COMPUTED, Part, Value, verdict, worst
 from testbench.judge.numbers import ROOM_DEGC, Number
 from testbench.judge.roles import Rule, matching_rule
-from testbench.judge.verdict import NOT_COMPUTED, Part, Value, verdict, worst
 
 NAME_OF = {
     "SF": "scale_lsb_per_dps",

@@ -4,7 +4,7 @@ Source    docs/phases.md, docs/paper.md
 """
 
 from testbench.judge.judge import phase_rows
-from testbench.judge.verdict import Value
+from testbench.judge.number_verdict import Value
 
 NODES = ("xe1", "xe2", "ye1", "ye2")
 

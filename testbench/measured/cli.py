@@ -66,7 +66,7 @@ def check(
     Exit code 2 if it is refused."""
     from testbench.measured.openers import part_findings
     from testbench.measured.quality.records import adc_codes, dac_range
-    from testbench.measured.record import load
+    from testbench.measured.record import load_record
     from testbench.storage.record import RecordError
 
     part_quality = part_findings([file])
@@ -75,7 +75,7 @@ def check(
     findings, residual, refused, quality = [], None, False, ()
     try:
         with _progress(as_json) as progress:
-            loaded = load.load(file, replay, progress)
+            loaded = load_record.load(file, replay, progress)
         quality = adc_codes.findings(loaded.record) + dac_range.findings(loaded.record)
         findings = [(str(f), f.level) for f in loaded.findings]
         residual = loaded.residual
@@ -128,8 +128,8 @@ def record(
     """Write a measurement record of the simulated board, or of a plant behind the port."""
     import json
 
-    from testbench.measured.record import plan as plans
     from testbench.measured.record import produce, schema
+    from testbench.measured.record import recording_plan as plans
     from testbench.storage.files import atomic_outputs, write_text
     from testbench.storage.record import write_record
 
@@ -185,9 +185,9 @@ def import_(
 @app.command()
 def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="FOLDER", help="New folder.")]):
     """Write a record as tables for other programs: Parquet, a file per rate, and CSV, a file per slow log."""
-    from testbench.measured.record import load, tables
+    from testbench.measured.record import load_record, record_tables
 
-    tables.write(out, load.load(file, replay=False).record)
+    record_tables.write(out, load_record.load(file, replay=False).record)
     typer.echo(out)
 
 
@@ -203,15 +203,15 @@ def residuals(
 ):
     """Say what the model leaves unexplained, per condition and observable, in units of the repeats' noise."""
     from testbench import config
-    from testbench.console.table import Table
-    from testbench.measured.importing import words
-    from testbench.measured.record import check_tables, load
+    from testbench.console.text_table import Table
+    from testbench.measured.importing import firmware_words
+    from testbench.measured.record import check_tables, load_record
     from testbench.measured.residual import residuals as residual
 
     if kind not in ("R1", "R2"):
         raise ConfigError(f"--kind {kind}: is neither R1 nor R2")
     with _progress(as_json) as progress:
-        record = words.completed(load.load(file, replay=False).record)[0]
+        record = firmware_words.completed(load_record.load(file, replay=False).record)[0]
         model = check_tables.stated_config(record)
         overrides = [config.parse_set(text) for text in sets or ()]
         if overrides:
@@ -244,17 +244,17 @@ def calibrate(
 ):
     """Fit what the record's priors name, by the plant's open-loop residual, and certify that it has converged."""
     from testbench.console.show import print_tables
-    from testbench.console.table import Table
-    from testbench.measured.importing import words
-    from testbench.measured.record import load
-    from testbench.measured.residual import calibrate as calibration
+    from testbench.console.text_table import Table
+    from testbench.measured.importing import firmware_words
+    from testbench.measured.record import load_record
+    from testbench.measured.residual import calibrate_residual as calibration
 
     with _progress(as_json) as progress:
-        loaded = load.load(file, progress=progress)
+        loaded = load_record.load(file, progress=progress)
         if loaded.blocked:
             raise ConfigError(f"{file}: {loaded.residual.verdict}; physics waits for an override (R16)")
         try:
-            result = calibration.calibrate(words.completed(loaded.record)[0], starts, progress=progress)
+            result = calibration.calibrate(firmware_words.completed(loaded.record)[0], starts, progress=progress)
         except ValueError as problem:
             raise ConfigError(problem) from None
     heldout_pairs = [(a, b) for a, b in zip(result.before.rows, result.after.rows) if a.role == "validate"]
@@ -340,7 +340,7 @@ def trace(o):
     from testbench.measured.exam import exam, part_page
     from testbench.measured.models.part_problem import PartProblem
     from testbench.measured.openers import determined, open_problem
-    from testbench.tracing import report as page
+    from testbench.tracing import trace_report as page
     from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
@@ -355,17 +355,17 @@ def trace(o):
             options = Options(alpha, o.looks, seed=o.seed, max_laws=most)
             traced, name = trace_recording.trace_problem(problem, options, progress), problem.name
         if traced:
-            page_text = part_page.page(name, trace_recording.section("Verdict", *traced)) if o.report else ""
-            _write({o.json_file: trace_recording.text(traced[0]), o.report: page_text})
+            page_text = part_page.page(name, trace_recording.trace_section("Verdict", *traced)) if o.report else ""
+            _write_texts({o.json_file: trace_recording.text(traced[0]), o.report: page_text})
             return _print_trace(traced[0])
         tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
-    _write({o.json_file: result.text(), o.report: page.html(result, all_figures(tracer)) if o.report else ""})
+    _write_texts({o.json_file: result.text(), o.report: page.html(result, all_figures(tracer)) if o.report else ""})
     for text in problem.warnings:
         typer.echo(f"{text} (warned)")
     return _print_trace(vars(result))
 
 
-def _write(texts):
+def _write_texts(texts):
     """Write {path: text} together; a path that is None was not given."""
     from testbench.storage.files import atomic_outputs, write_text
 
@@ -378,7 +378,7 @@ def _write(texts):
 def _print_trace(result):
     """Quality, verdict, effects and held-out errors of a result, by the keys of its JSON."""
     from testbench.console.show import print_tables
-    from testbench.console.table import Table
+    from testbench.console.text_table import Table
     from testbench.measured.quality.finding import from_json
 
     for finding in result.get("quality", ()):

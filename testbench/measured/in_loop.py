@@ -25,16 +25,16 @@ from testbench.measured.models.gyro_laws import AMPLITUDE_M
 from testbench.measured.parts import dac_levels
 from testbench.run import simulate
 
-RATE_DPS, REST_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
+RATE_DPS, ZERO_RATE_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
 WORD_PER_DPS = 8651.0
 SEED = 7
 CONTROLS = (1e-9, -1e-9, 1e-8, -1e-8)  # of the spring
-BEYOND = 2.0  # times the largest change of a control, from which a change is called one
+CONTROL_FACTOR = 2.0  # times the largest change of a control, from which a change is called one
 MEASURED = ("scale factor", "bias", "noise")
 WARM_DEGC = 35.0
 DRIVE_BITS, SENSE_BITS = 16, 20  # of the board's DACs
 LOCKED, WEAKEST = 0.5, 4  # share of the scale factor that a locked loop has; tens by which a law is made weaker
-SHOWN = 8  # frames averaged for a point of the picture: 1 ms
+PICTURE_FRAMES = 8  # frames averaged for a point of the picture: 1 ms
 
 
 class Case(NamedTuple):
@@ -175,9 +175,9 @@ def _format_value(value):
 
 def run_case(case):
     """`Reading` of the run of a case; one without settings: the board as it is."""
-    total = REST_S + 2 * STEP_S
-    points = [[0.0, 0.0], [REST_S, 0.0], [REST_S + 0.001, RATE_DPS], [REST_S + STEP_S, RATE_DPS]]
-    points += [[REST_S + STEP_S + 0.001, -RATE_DPS], [total, -RATE_DPS]]
+    total = ZERO_RATE_S + 2 * STEP_S
+    points = [[0.0, 0.0], [ZERO_RATE_S, 0.0], [ZERO_RATE_S + 0.001, RATE_DPS], [ZERO_RATE_S + STEP_S, RATE_DPS]]
+    points += [[ZERO_RATE_S + STEP_S + 0.001, -RATE_DPS], [total, -RATE_DPS]]
     if case.vibration:
         f_hz, quality, rms = case.vibration
         t, x = np.array(rate_vibration.profile(total, f_hz, quality, rms, SEED)).T
@@ -191,7 +191,16 @@ def run_case(case):
     simulate.run(cfg, sinks=(watch,))
     rate = watch.values() / WORD_PER_DPS
     per_s = len(rate) / total
-    at = [int(per_s * t) for t in (REST_S - MEAN_S, REST_S, REST_S + STEP_S - MEAN_S, REST_S + STEP_S, total - MEAN_S)]
+    at = [
+        int(per_s * t)
+        for t in (
+            ZERO_RATE_S - MEAN_S,
+            ZERO_RATE_S,
+            ZERO_RATE_S + STEP_S - MEAN_S,
+            ZERO_RATE_S + STEP_S,
+            total - MEAN_S,
+        )
+    ]
     plus, minus = rate[at[2] : at[3]].mean(), rate[at[4] :].mean()
     zero_rate = rate[at[0] : at[1]]
     return Reading(float(zero_rate.mean()), float((plus - minus) / (2 * RATE_DPS)), float(zero_rate.std()), rate)
@@ -214,7 +223,7 @@ def _run_locked(case):
     return one, weaker
 
 
-def section(sets):
+def loop_section(sets):
     """(HTML: a table, and for each effect a paragraph and a picture; {set: [numbers of each effect]})."""
     import matplotlib
 
@@ -240,17 +249,22 @@ def section(sets):
         if not case.set:
             itself = np.maximum(itself, np.abs(measured))
             continue
-        change = (one.rate_dps - base.rate_dps)[: len(base.rate_dps) // SHOWN * SHOWN].reshape(-1, SHOWN).mean(axis=1)
-        t = (np.arange(len(change)) + 0.5) * SHOWN / 8000.0
+        change = (
+            (one.rate_dps - base.rate_dps)[: len(base.rate_dps) // PICTURE_FRAMES * PICTURE_FRAMES]
+            .reshape(-1, PICTURE_FRAMES)
+            .mean(axis=1)
+        )
+        t = (np.arange(len(change)) + 0.5) * PICTURE_FRAMES / 8000.0
         figure, panel = plt.subplots(figsize=(9, 2.6), layout="constrained")
         panel.plot(t, change * 3600, lw=0.6, color="#205090")
         panel.set_xlabel("time from lock (s); rate 0, +100, -100 deg/s")
         panel.set_ylabel("change of rate (deg/h)")
-        large = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > BEYOND * c]
+        large = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > CONTROL_FACTOR * c]
         sentence = (
             f"{case.words}. Scale factor {texts[0]} ppm, bias {texts[1]} deg/h, noise of the rate word at rest "
             f"{texts[2]} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms). Above {BEYOND:g} times the controls: {', '.join(large) or 'nothing'}."
+            f"{base.rms_dps:.3g} deg/s rms). Above {CONTROL_FACTOR:g} times the controls: "
+            f"{', '.join(large) or 'nothing'}."
         )
         words.append(
             f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{part_page.png(figure)}<figcaption>"

@@ -42,21 +42,21 @@ def folders(root):
 
 def jobs(paths):
     """[(label, paths, options)] of a set's files: what the parts say, else one file each."""
-    out, taken = [], set()
+    out, job_paths = [], set()
     for kind in kinds.KINDS:
         for label, chosen, options in kind.jobs(paths):
             out.append((label, chosen, options))
-            taken |= set(chosen)
-    return out + [(path.stem, [path], {}) for path in paths if path not in taken]
+            job_paths |= set(chosen)
+    return out + [(path.stem, [path], {}) for path in paths if path not in job_paths]
 
 
 def trace_job(paths, options):
     """(JSON, picture) of one job."""
-    found = trace_recording.trace_table(paths, options)
-    if found is None:
+    report_and_picture = trace_recording.trace_table(paths, options)
+    if report_and_picture is None:
         problem = open_problem(paths, options)
-        found = trace_recording.trace_problem(problem) or (loop_trace.run(problem)[1].to_json(), "")
-    return found
+        report_and_picture = trace_recording.trace_problem(problem) or (loop_trace.run(problem)[1].to_json(), "")
+    return report_and_picture
 
 
 def run(sets, say=print):
@@ -157,7 +157,7 @@ def page(out, reports, failures, loop=""):
     for name, rows in reports.items():
         words.append(f"<h2>{html.escape(name)}</h2>")
         for label, data, image in rows:
-            words.append(trace_recording.section(label, data, image))
+            words.append(trace_recording.trace_section(label, data, image))
     return part_page.page("Measured parts", "".join(words) + loop)
 
 
@@ -184,7 +184,7 @@ def main(arguments=None):
         if not options.no_loop:
             from testbench.measured import in_loop
 
-            loop, numbers = in_loop.section(out)
+            loop, numbers = in_loop.loop_section(out)
             control = numbers.pop("", [])
             for name, rows in numbers.items():
                 out[name]["closed_loop"] = control + rows

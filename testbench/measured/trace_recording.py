@@ -32,10 +32,10 @@ def trace_problem(problem, settings=None, progress=None):
 
 def text(data):
     """JSON text of a report, without its page."""
-    kept = {key: value for key, value in data.items() if key != "html"}
-    return json.dumps(kept, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    report_data = {key: value for key, value in data.items() if key != "html"}
+    return json.dumps(report_data, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
-def section(label, data, image):
+def trace_section(label, data, image):
     """Part of a page: the report's own, or the usual one."""
-    return data.get("html") or part_page.section(label, data, image)
+    return data.get("html") or part_page.part_section(label, data, image)

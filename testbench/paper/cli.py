@@ -76,7 +76,7 @@ def characterise(
     if as_json:
         print_json(results)
         return
-    from testbench.console.table import Table
+    from testbench.console.text_table import Table
     from testbench.paper import judge_table, page_tables
 
     rows = [
@@ -112,12 +112,12 @@ def paper(o):
     """
     checked = load(o.config, overrides(o.sets))
     with Progress(quiet=o.as_json) as progress:
-        from testbench.paper import page, study
+        from testbench.paper import page, paper_study
 
-        size = study.SMALL if o.small else study.FULL
+        size = paper_study.SMALL if o.small else paper_study.FULL
         size_options = {"boards": o.boards, "rest_s": o.rest_s, "record_s": o.record_s}
         size = size._replace(**{k: v for k, v in size_options.items() if v is not None})
-        job = study.Study(checked, o.out, size, workers=o.workers, progress=progress)
+        job = paper_study.Study(checked, o.out, size, workers=o.workers, progress=progress)
         with job.lock_folder():
             job.run()
             path, verdicts = page.write(job)

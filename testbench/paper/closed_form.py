@@ -14,8 +14,8 @@ from analog_frontend.parts import thermal
 from testbench import config as configuration
 from testbench.engines import chips
 from testbench.judge.judge import TEMPERATURES, Model
-from testbench.judge.verdict import Value
-from testbench.paper import law
+from testbench.judge.number_verdict import Value
+from testbench.paper import phase_laws
 from testbench.paper.calibration.calibrations import NODES, REGISTER, case_config
 from testbench.paper.loop import advisor, derived, loop_parameters, sense_grid
 from testbench.paper.loop import loop as loops
@@ -82,9 +82,9 @@ def settings(config):
         "rate test points": measure_scale.POSITIVE_DPS,
         "warm-up before phase tests": (record_phases.WARM_UP_S,),
         "length of phase tests": (record_phases.RECORD_S / 3600,),
-        "simulation of drive-phase influence: rate": (law.DRIVE_DPS,),
-        "simulation of drive-phase influence: sense phase error, phi_ye1": (law.DRIVE_YE1_DEG,),
-        "simulation of drive-phase influence: sense phase error, phi_ye2": (law.DRIVE_YE2_DEG,),
+        "simulation of drive-phase influence: rate": (phase_laws.DRIVE_DPS,),
+        "simulation of drive-phase influence: sense phase error, phi_ye1": (phase_laws.DRIVE_YE1_DEG,),
+        "simulation of drive-phase influence: sense phase error, phi_ye2": (phase_laws.DRIVE_YE2_DEG,),
         "phase phi_y from modal parameters": (180.0 if plant.fy_hz < plant.fx_hz else 0.0,),
     }
 

@@ -6,10 +6,10 @@ Source    docs/paper.md
 import re
 from collections import Counter
 
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.judge import numbers
 from testbench.judge.judge import NAME_OF
-from testbench.judge.verdict import VERDICTS, K
+from testbench.judge.number_verdict import VERDICTS, K
 
 MEANS = ("SF", "Vq", "bias", "ARW", "BI", "SF nonlinearity")
 HEADS = ("quantity", "case", "degC", "unit", "paper", "sigma", "model", "sigma", "pull", "role", "verdict", "notes")

@@ -13,9 +13,9 @@ from pathlib import Path
 from testbench.console import figure_files, report
 from testbench.console.figure_files import Picture
 from testbench.judge import judge, numbers
-from testbench.paper import closed_form, judge_table, law, page_tables, simulated, temperature
+from testbench.paper import closed_form, judge_table, page_tables, phase_laws, simulated, temperature
 from testbench.paper.calibration import calibrations
-from testbench.paper.calibration.calibrate import NODES
+from testbench.paper.calibration.calibrate_phases import NODES
 from testbench.paper.loop import loop_page, loop_pictures
 from testbench.paper.measure import measure_scale, nonlinearity
 from testbench.paper.pictures import boards, drive, opening, performance, sense
@@ -33,7 +33,7 @@ SENSE = (
     "hertz and takes "
     "the nonlinearity away; ye2 (4 to 5) moves the zero-rate output a little and nothing else."
 )
-BESIDE = (
+COMPARISON = (
     "What to see: marks are the model's, with one sigma; crosses are what the paper prints for the mean of cases "
     "1 to 3. "
     "Which of these values were put in or fitted, and which are predicted, is in the first table."
@@ -85,7 +85,7 @@ def pictures(study, parts):
     phases = printed_phases() if config.is_paper_board else {}
     yield opening.waterfall(budget(closed_form.bare(config), 25.0), phases)
     title = "Five cases beside the paper"
-    yield _cases(points, ("1", "2", "3", "4", "5"), means, title, BESIDE, "cases_beside_the_paper")
+    yield _cases(points, ("1", "2", "3", "4", "5"), means, title, COMPARISON, "cases_beside_the_paper")
     yield drive.drive_errors(laws["drive"], config)
     if records:
         yield drive.phase_record(records, ("xe1", "xe2"), 3)
@@ -121,7 +121,7 @@ def tables(study, parts, compared):
     if parts["explained"]:
         out.append(page_tables.rail_table(parts["explained"], parts["wide"]))
     if "noise" in laws:
-        out.append(page_tables.noise_table(laws["noise"], law.derived_noise(parts["last"])))
+        out.append(page_tables.noise_table(laws["noise"], phase_laws.derived_noise(parts["last"])))
     out += [t for t in (page_tables.changes_table(points),) if t]
     configs = {
         case: calibrations.case_config(config, one["cases_deg"][case]) for case in sorted({c for c, _ in points})

@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.judge import judge
-from testbench.paper import law, simulated, temperature
+from testbench.paper import phase_laws, simulated, temperature
 from testbench.paper.calibration import calibrations
-from testbench.paper.calibration.calibrate import NODES
+from testbench.paper.calibration.calibrate_phases import NODES
 from testbench.paper.judge_table import format_value
 from testbench.paper.loop import equations, loop_page
 from testbench.paper.loop import loop as loops
@@ -143,7 +143,7 @@ STEPS = (("1", "2", "xe1"), ("2", "3", "xe2"), ("3", "4", "ye1"), ("4", "5", "ye
 
 def sensitivity_rows(points):
     """The paper's Table 5: |after - before| / |before| of each quantity at each compensation."""
-    symbols, model = ("SF", "bias", "Vq", "ARW", "BW"), judge.Model("simulation", points=simulated.points(points))
+    symbols, model = ("SF", "bias", "Vq", "ARW", "BW"), judge.Model("simulation", points=simulated.point_values(points))
     rows = []
     for before, after, node in STEPS:
         for temp in sorted({t for _, t in points}):
@@ -209,7 +209,7 @@ def misprint_table(config):
 def rail_table(explained, wide):
     """Nonlinearity of cases 1 to 3: `nonlinearity.Explained` of each point; with more span of V_q at 25 degC."""
     rows = [
-        (f"case {case}, {temp:g} degC", f"{e.measured_ppm:.0f}", f"{sigma:.0f}", f"{e.within_ppm:.0f}",
+        (f"case {case}, {temp:g} degC", f"{e.measured_ppm:.0f}", f"{sigma:.0f}", f"{e.unclipped_ppm:.0f}",
          f"{e.rail_ppm:.0f}",
          *("-" if math.isnan(knee) else f"{knee:.0f}" for knee in (e.ceiling_dps, e.zero_dps)),
          f"{wide[case]:.0f}" if temp == 25.0 and case in wide else "-")
@@ -219,7 +219,7 @@ def rail_table(explained, wide):
         "Nonlinearity of cases 1 to 3 (ppm of 500 deg/s)",
         ("point", "measured", "1 sigma", "rates between the rails", "by the rails alone",
          "ceiling from (deg/s)", "0 V from (deg/s)",
-         f"V_q's span x {law.SPAN_PART:g}"),
+         f"V_q's span x {phase_laws.SPAN_PART:g}"),
         rows,
         "By the rails alone: behind the rate at which V_q reaches its ceiling, or 0, the slope grows by "
         "tan(ye1 + xe2') tan(ye2' - xe2'), phases as they were calibrated and as they drift, ye2' less the sense "

@@ -12,9 +12,9 @@ import math
 
 from analog_frontend.parts import thermal
 from testbench.judge.judge import NAME_OF, Model
-from testbench.judge.verdict import Value
+from testbench.judge.number_verdict import Value
 from testbench.paper import closed_form, temperature
-from testbench.paper.calibration.calibrate import FACTOR, NODES, REGISTER
+from testbench.paper.calibration.calibrate_phases import FACTOR, NODES, REGISTER
 from testbench.paper.measure import record_phases
 from testbench.run.budget import budget
 
@@ -54,7 +54,7 @@ def _stated_sigma(point, name):
     return point.get(f"{what}_sigma_{unit}") or 0.0
 
 
-def points(study_points):
+def point_values(study_points):
     """{(case, degC): {name: Value}} of the numbers of a study's points."""
     return {
         key: {
@@ -86,7 +86,9 @@ def with_closed_forms(config, simulated):
 def model(config, calibration, study_points, records):
     """`Model` of a study: its calibration, its points, its records; the rest is in closed form."""
     error = {n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES}
-    simulated = Model(SOURCE, node_deg(config, calibration), error, excursion_deg(records), points=points(study_points))
+    simulated = Model(
+        SOURCE, node_deg(config, calibration), error, excursion_deg(records), points=point_values(study_points)
+    )
     return with_closed_forms(config, simulated)
 
 

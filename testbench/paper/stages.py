@@ -29,11 +29,11 @@ from testbench.storage.sources import code_sha256
 
 SOURCES = (
     "testbench.paper.calibration.calibrations",
-    "testbench.paper.law",
+    "testbench.paper.phase_laws",
     "testbench.paper.measure.record_phases",
     "testbench.run.simulate",
 )
-PRELOADED = ["testbench.paper.study", "typer"]
+PRELOADED = ["testbench.paper.paper_study", "typer"]
 TIMINGS = "timings.json"
 
 

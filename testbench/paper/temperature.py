@@ -10,7 +10,7 @@ Source    docs/phases.md, docs/paper.md
 import math
 
 from analog_frontend.parts import thermal
-from testbench.paper.calibration.calibrate import NODES
+from testbench.paper.calibration.calibrate_phases import NODES
 from testbench.run.budget import budget
 
 LEVEL_DEG = 0.012

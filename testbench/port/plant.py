@@ -17,7 +17,7 @@ from analog_frontend.port import foreign
 from testbench.config import Config
 from testbench.config.toml_text import short_toml, toml_value
 from testbench.errors import ConfigError
-from testbench.port import library
+from testbench.port import plant_loader
 from testbench.storage.inputs import read_text
 
 SECTIONS = ("plant", "noise", "effects")
@@ -73,7 +73,7 @@ class Plant:
     def __init__(self, config, engine):
         _check_supported(config, engine)
         s = config.scenario
-        plant_library = library.open_library(s.plant)
+        plant_library = plant_loader.open_library(s.plant)
         file_text = read_text(s.plant_file) if s.plant_file else ""
         self.unseen = unread(config, plant_library.keys)
         for key in self.unseen:
@@ -84,7 +84,7 @@ class Plant:
         self.identity = {"plant": plant_library.sha256}
         if s.plant_file:
             self.identity["plant_file"] = hashlib.sha256(file_text.encode()).hexdigest()
-        self._instance = library.Instance(plant_library, configuration_text(config), file_text)
+        self._instance = plant_loader.Instance(plant_library, configuration_text(config), file_text)
         self.params = foreign.mailboxes(self._instance.step, self._instance.address)
 
     def power_on(self, params, state, seed, temp_degc):
@@ -96,10 +96,10 @@ class Plant:
         box = self.params
         self._instance.call("reset", int(seed), drive, sense, float(temp_degc), box.adc.ctypes.data)
         first, second = (int(v) for v in box.adc[foreign.DRDY :])
-        if not (params.adc.tick_clocks <= first and first + foreign.LEAST_APART <= second):
+        if not (params.adc.tick_clocks <= first and first + foreign.LEAST_DRDY_CLOCKS <= second):
             self._instance.fail(
                 f"gyro_plant_reset: drdy = {first}, {second} clocks; the first falls {params.adc.tick_clocks} clocks "
-                f"after power-on or later, the second {foreign.LEAST_APART} or more after it"
+                f"after power-on or later, the second {foreign.LEAST_DRDY_CLOCKS} or more after it"
             )
         foreign.promise(params.adc, state.adc.clock, first, second)
         self.first_drdy = first
@@ -121,7 +121,9 @@ class Plant:
                 if which >= 0
                 else f"drdy is {value} clocks, expected 0 or more"
             ),
-            foreign.APART: lambda: f"drdy {which} and {value} clocks are less than {foreign.LEAST_APART} apart",
+            foreign.DRDY_INTERVAL: lambda: (
+                f"drdy {which} and {value} clocks are less than {foreign.LEAST_DRDY_CLOCKS} apart"
+            ),
             foreign.NOT_FINITE: lambda: f"motion {MOTIONS[which]} is not finite",
         }
         self._instance.fail(f"tick {tick}: {messages[kind]()}")

@@ -21,11 +21,11 @@ def temperature(vref_v):
 
 def _registers(top):
     """{name: words of the register, the low one first} of a compiled map."""
-    found = {}
+    words_by_name = {}
     for reg in top.registers():
         name = HALF.sub("", reg.inst_name) if reg.size * 8 < _register_width(reg) else reg.inst_name
-        found.setdefault(name, []).append(reg)
-    return found
+        words_by_name.setdefault(name, []).append(reg)
+    return words_by_name
 
 
 def _format(reg):

@@ -59,8 +59,8 @@ def _enumeration(name, field):
 def _field(word, field, access):
     reset = "" if field.reset is None else f" = {field.width}'h{field.reset:x}"
     encode = f" encode = {word.name.lower()}_values;" if field.values else ""
-    place = f"{field.name}[{field.low + field.width - 1}:{field.low}]{reset}"
-    return f"        field {{ {ACCESS[access]}{encode} }} {place};"
+    declarator = f"{field.name}[{field.low + field.width - 1}:{field.low}]{reset}"
+    return f"        field {{ {ACCESS[access]}{encode} }} {declarator};"
 
 
 def _reg(word):

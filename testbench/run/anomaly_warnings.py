@@ -93,8 +93,8 @@ class AnomalyDetector:
 
     def _count_repeats(self, codes, locked):
         """Longest runs of frames that repeat a code while locked."""
-        same = np.diff(codes, axis=1, prepend=self.last[:, None]) == 0
-        runs = _in_a_row(same & locked, self.runs[:, None])
+        is_repeat = np.diff(codes, axis=1, prepend=self.last[:, None]) == 0
+        runs = _in_a_row(is_repeat & locked, self.runs[:, None])
         self.longest = np.maximum(self.longest, runs.max(axis=1))
         self.last, self.runs = codes[:, -1].astype(np.int64), runs[:, -1].copy()
 

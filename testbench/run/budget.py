@@ -123,8 +123,8 @@ def _switch(firmware, device, tick_clocks, at, fitted):
 def setpoint_amplitude_m(config, temp_degc):
     """Drive amplitude (m) at which a ring that saturates shows the demodulator the set-point. ValueError: none does."""
     device = config.device()
-    seen_v = build.nominal(config)["v_per_um"] * config.firmware.amplitude_um / (SID_GAIN * device.signal_gain)
-    return ring_levels.amplitude_m(device, temp_degc, abs(seen_v))
+    demodulated_v = build.nominal(config)["v_per_um"] * config.firmware.amplitude_um / (SID_GAIN * device.signal_gain)
+    return ring_levels.amplitude_m(device, temp_degc, abs(demodulated_v))
 
 
 def _ring_note(config, temp_degc):

@@ -227,8 +227,8 @@ def word_per_deg_s(config):
 
 def rate_scale(config):
     """RATE_SCALE of the nominal board, or 0 where none that the register holds gives deg/s."""
-    found = word_per_deg_s(config)
-    return rate_output.design(found).scale if abs(found) >= rate_output.LEAST_WORD_PER_DEG_S else 0
+    words_per_dps = word_per_deg_s(config)
+    return rate_output.design(words_per_dps).scale if abs(words_per_dps) >= rate_output.LEAST_WORD_PER_DEG_S else 0
 
 
 def no_rate_output(config):
@@ -366,9 +366,9 @@ def electrode_leads(config, device):
     """(u, w): ticks by which the mean of the drive and of the sense electrode leads a straight line (`law.Params`)."""
     f, tick_s, out = firmware(config), 1 / config.design_record().tick_hz, []
     for name, clock in zip(("drive", "sense"), path_clocks.dac_clocks(f)):
-        late_s = clock * tick_s / f.design.tick_clocks + getattr(device, f"{name}_dac_delay_s")
+        delay_s = clock * tick_s / f.design.tick_clocks + getattr(device, f"{name}_dac_delay_s")
         poles = [getattr(device, f"{name}_pole_{k}_s") for k in (1, 2, 3)]
-        out.append(dac.end_share(late_s % tick_s, poles, tick_s) - law.STRAIGHT)
+        out.append(dac.end_share(delay_s % tick_s, poles, tick_s) - law.STRAIGHT)
     return tuple(out)
 
 

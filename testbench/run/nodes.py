@@ -48,9 +48,9 @@ class Probe(NamedTuple):
 class PinLag(NamedTuple):
     """Lag of a channel's pins (turns) if edges are even on their grid, its sigma; what sgn(sin) lags beyond it."""
 
-    even: float
+    mean_lag: float
     sigma: float
-    beyond: float
+    sine_excess: float
 
 
 class Forced(NamedTuple):
@@ -200,9 +200,9 @@ def read(probe):
     for (node, which, reference), crossings, force in zip(chains, crossed, joint.readings()):
         pin = pin_lag(pins[reference], pins[reference + 1], float(step.mean()) * probe.grid_clocks)
         turned_deg = 180.0 if which == 1 and probe.sense_sign < 0 else 0.0
-        phase[node] = wrap_deg(force.lag_deg - 360.0 * pin.even - turned_deg)
+        phase[node] = wrap_deg(force.lag_deg - 360.0 * pin.mean_lag - turned_deg)
         sigma[node] = float(np.hypot(force.sigma_deg, 360.0 * pin.sigma))
-        uneven[node] = 360.0 * pin.beyond
+        uneven[node] = 360.0 * pin.sine_excess
         volts.append(_phasor(force))
         amplitude[node] = force.amplitude
         crossings = phase_meter.count(np.concatenate(crossings))

@@ -41,7 +41,7 @@ STEP_DPS, STEP_S, STEP_TAIL_S = 150.0, 0.6, 0.25
 LEAST_DPS = 50.0  # of force, for ye1 to be read from
 OPEN_DPS, OPEN_S, PROBE_S = 60.0, 0.1, 0.3
 RANGE_PART = 0.2  # of the largest rate, and of the converter's range: no step is beyond it
-SHOWN_S = 0.05, 0.3  # of the rate step in the picture: before and after it
+STEP_WINDOW_S = 0.05, 0.3  # of the rate step in the picture: before and after it
 SEGMENTS = ("start_up", "scenario", "diagnosis")
 
 
@@ -232,7 +232,7 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     word = watch.values().astype(float)
     mean_before, mean_after = word[head - frames : head].mean(), word[-frames:].mean()
     scale = (mean_after - mean_before) / (after_rate - before_rate)
-    before, after = (round(seconds * tick_hz / frame_ticks) for seconds in SHOWN_S)
+    before, after = (round(seconds * tick_hz / frame_ticks) for seconds in STEP_WINDOW_S)
     plot_rows = slice(head - before, head + after)
     time_s = (np.arange(len(word)) - head)[plot_rows] * frame_ticks / tick_hz
     offset = mean_before / scale - before_rate
@@ -453,7 +453,7 @@ def run(config, progress=None, directory=None, resume=False, sinks=()):
             job.recording.attrs |= {f"{key}_sha256": digest for key, digest in job.sim.foreign.identity.items()}
         if job.others:
             job.recording.attrs["continues"] = json.dumps(job.others)
-    return summary.result(job, end, reading, time.perf_counter() - began)
+    return summary.run_result(job, end, reading, time.perf_counter() - began)
 
 
 __all__ = ["CHUNK_TICKS", "DEG", "Simulation", "diagnose", "play", "run", "start"]

@@ -39,7 +39,7 @@ BASEBAND_CHUNK_TICKS = 2_000_000  # its ends cost what some hundred frames cost;
 SPECTRUM_TICKS = 1 << 17
 STATE_FORMAT = "engine-1"
 # sections of the configuration in which a state and what continues it are one
-SAME = ("design", "firmware", "nominal", "plant")
+STATE_SECTIONS = ("design", "firmware", "nominal", "plant")
 MOST_TICKS = 1 << 48  # nine years
 MOST_RATE_RAD_S = 10_000 * DEG  # ten times what a scenario takes; the plant's tables are of second order in the rate
 ROUNDING_K = 1e-9  # of a profile's temperature beyond its points
@@ -372,10 +372,10 @@ class Simulation:
     def _check_gyroscope(self, path, meta):
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
         saved = parse_toml(str(meta.get("config_toml", "")), f"{path}: config_toml", FileError)
-        saved = validate_data({key: saved.get(key, {}) for key in SAME}, dict[str, dict], path)
+        saved = validate_data({key: saved.get(key, {}) for key in STATE_SECTIONS}, dict[str, dict], path)
         # what an earlier version did not have is at its default
         saved = from_dict(saved, f"{path}: config_toml")
-        for section in SAME:
+        for section in STATE_SECTIONS:
             was, now = getattr(saved, section).model_dump(), getattr(self.config, section).model_dump()
             for key in sorted(key for key in now if was[key] != now[key]):
                 what = f"{section}.{key} = {was[key]}"
@@ -403,10 +403,10 @@ class Simulation:
 
     def _with_added(self, values):
         """A state with all registers of this version."""
-        held = values["fpga"].tolist() if np.ndim(values.get("fpga", 0)) == 1 else []
-        if len(held) + len(ADDED) != self.register_count:
+        saved_registers = values["fpga"].tolist() if np.ndim(values.get("fpga", 0)) == 1 else []
+        if len(saved_registers) + len(ADDED) != self.register_count:
             return values
-        saved, reset = iter(held), flatten.leaves(fpga.reset(self.design))
+        saved, reset = iter(saved_registers), flatten.leaves(fpga.reset(self.design))
         return values | {"fpga": np.array([v if name in ADDED else next(saved) for name, v in reset], np.int64)}
 
     def set_state(self, values):

@@ -19,7 +19,7 @@ from testbench.judge import phases
 from testbench.run import budget, build, nodes
 from testbench.run.outputs import Result
 from testbench.run.run_statistics import amplitude_m
-from testbench.run.tables import FITTED
+from testbench.run.run_tables import FITTED
 from testbench.storage.vcd import Signal, signals
 
 
@@ -33,7 +33,7 @@ class End(NamedTuple):
     real_time_factor: float
 
 
-def result(job, end, reading, wall_s):
+def run_result(job, end, reading, wall_s):
     """`Result` of a `simulate.Run` that is done; `reading` is its diagnosis or None."""
     config, sim, tally = job.config, job.sim, job.statistics
     clock_hz, device = build.clock_hz(config), config.device()

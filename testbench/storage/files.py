@@ -336,9 +336,9 @@ class GuardedFile(io.RawIOBase):
         view = memoryview(data).cast("B")
 
         def all_of_it():
-            done = 0
-            while done < len(view):
-                done += self._file.write(view[done:])
+            written = 0
+            while written < len(view):
+                written += self._file.write(view[written:])
 
         self._attempt(all_of_it, None)
         return len(view)

@@ -16,7 +16,7 @@ from testbench.storage.inputs import MOST_EXPANSION
 
 LONGEST_S, BYTES_PER_S = 15.0, 1 << 20  # time: at least, and more for large files
 # address space, libraries included, and what of it is the process's own (bytes); more for large files
-MOST_MEMORY, MOST_OWN = 1 << 31, 3 << 28
+MOST_MEMORY, MOST_DATA = 1 << 31, 3 << 28
 REFUSED = 3
 ROOT = str(Path(__file__).resolve().parents[2])
 
@@ -55,7 +55,7 @@ def main(read):
         import resource
 
         more = MOST_EXPANSION * path.stat().st_size
-        for limit, least in ((resource.RLIMIT_AS, MOST_MEMORY), (resource.RLIMIT_DATA, MOST_OWN)):
+        for limit, least in ((resource.RLIMIT_AS, MOST_MEMORY), (resource.RLIMIT_DATA, MOST_DATA)):
             resource.setrlimit(limit, (least + more, least + more))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     except (ImportError, ValueError, OSError):

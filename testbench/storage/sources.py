@@ -22,8 +22,8 @@ def _path(module):
     for path in (base.with_suffix(".py"), base / "__init__.py"):
         if path.is_file():
             return path
-    found = None if module.split(".")[0] in kernel_cache.PACKAGES else importlib.util.find_spec(module)
-    return Path(found.origin) if found and found.origin and found.origin.endswith(".py") else None
+    spec = None if module.split(".")[0] in kernel_cache.PACKAGES else importlib.util.find_spec(module)
+    return Path(spec.origin) if spec and spec.origin and spec.origin.endswith(".py") else None
 
 
 def _module(path):

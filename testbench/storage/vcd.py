@@ -204,7 +204,7 @@ def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clo
 
 GTKW_BINARY, GTKW_HEX, GTKW_UNSIGNED, GTKW_SIGNED = 0x28, 0x22, 0x24, 0x420
 GTKW_ANALOG = 0x8000
-GTKW_SHOWN_PS = 4_000_000  # in 1000 pixels at first sight: four DAC frames
+GTKW_WINDOW_PS = 4_000_000  # in 1000 pixels at first sight: four DAC frames
 WIDE_BITS = 33  # words wider than this are read in hexadecimal
 
 
@@ -235,12 +235,12 @@ def write_gtkw(path, vcd_path, signal_list, top="gyro", analog=(), expanded=("pi
     marker_ps  time of the marker, which is in the middle of what is shown first; None: from the beginning, no marker
     """
     signal_list = list(signal_list)
-    begin, marker = (0, -1) if marker_ps is None else (max(0, marker_ps - GTKW_SHOWN_PS // 2), marker_ps)
+    begin, marker = (0, -1) if marker_ps is None else (max(0, marker_ps - GTKW_WINDOW_PS // 2), marker_ps)
     lines = [f"[*] ftr-gyro {VERSION}", f'[dumpfile] "{Path(vcd_path).name}"', f"[timestart] {begin}"]
     # zoom: minus log2 of picoseconds per 200 pixels, then the marker, and the named markers, all unset
     lines += [
         "[size] 1600 1000",
-        f"*{-math.log2(GTKW_SHOWN_PS / 5):.3f} {marker}" + " -1" * 26,
+        f"*{-math.log2(GTKW_WINDOW_PS / 5):.3f} {marker}" + " -1" * 26,
         "[signals_width] 280",
         "[sst_width] 220",
     ]

@@ -24,8 +24,8 @@ def study(
     as_json: Json = False,
 ):
     """Study word lengths: predict, run, compare. The same command continues after any interruption."""
+    from testbench.campaign.campaign_progress import Progress
     from testbench.campaign.cli import local
-    from testbench.campaign.progress import Progress
     from testbench.study import study as studies
     from testbench.study import study_page
 

@@ -24,7 +24,7 @@ RATE_DPS, RATE_SETTLE_S, RATE_READ_S = 100.0, 1.5, 1.5
 BAND_HZ = 0.5, 5.0
 LINE_TIMES = 10.0
 CODE_RECORDS = 4
-LINES_NEAR_HZ = 300.0  # of the carrier: noise of the amplitude loop
+CARRIER_GUARD_HZ = 300.0  # of the carrier: noise of the amplitude loop
 MOST_HARMONIC = 6500
 # five terms of a flat top: a line between two bins loses 0.01 dB
 FLAT_TOP = 0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368
@@ -93,7 +93,7 @@ def largest_line(records, tick_hz, carrier_hz):
     alias = harmonic * carrier_hz % tick_hz
     alias = np.minimum(alias, tick_hz - alias)
     level = power[np.round(alias * n / tick_hz).astype(int)]
-    far = (np.abs(alias - carrier_hz) > LINES_NEAR_HZ) & (alias > LINES_NEAR_HZ)
+    far = (np.abs(alias - carrier_hz) > CARRIER_GUARD_HZ) & (alias > CARRIER_GUARD_HZ)
     top = int(np.argmax(np.where(far, level, 0.0)))
     return int(harmonic[top]), 10 * math.log10(max(level[top], 1e-12) / level[0])
 

@@ -134,7 +134,7 @@ def largest_spur(config, p):
     """(harmonic, dBc) of the largest line in the codes of the drive DAC beside the carrier."""
     d, lsb = config.design, 2.0 ** (24 - chips.design_chips(config.design).drive.bits)
     amplitude, rms = (word / lsb for word in drive_word(config, p))
-    n, size = rounding.lines(amplitude, rms)
+    n, size = rounding.rounding_harmonics(amplitude, rms)
     power = dict(zip(n.tolist(), ((size / amplitude) ** 2).tolist()))
     rows, cells = 2 ** (d.sine_address_bits + 2), 2 ** (2 + d.sine_address_bits + d.sine_fraction_bits)
     full = 2.0 ** (d.sine_bits - 1)

@@ -41,7 +41,7 @@ def error_density(amplitude, covariance, step_s):
 
 
 @functools.lru_cache(maxsize=64)
-def lines(amplitude, rms=0.0):
+def rounding_harmonics(amplitude, rms=0.0):
     """(odd harmonics n from 3 on, their amplitudes (LSB)) of a rounded sine whose amplitude has this rms."""
     top = int(2 * math.pi * REACH * amplitude) + 10
     n = np.arange(3, top, 2)

@@ -17,7 +17,7 @@ import numpy as np
 from testbench import config as configuration
 from testbench.campaign import collect
 from testbench.campaign.plan import plan as plans
-from testbench.campaign.plan.points import canonical
+from testbench.campaign.plan.plan_points import canonical
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError
 from testbench.storage import inputs

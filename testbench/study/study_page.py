@@ -4,7 +4,7 @@ Source    docs/word_lengths.md
 """
 
 from testbench.console.markdown import markdown
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.storage.files import atomic_outputs, write_text
 from testbench.study import prediction, study
 

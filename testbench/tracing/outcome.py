@@ -13,7 +13,7 @@ from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.rivals import CLEAR
 from testbench.tracing.fit.search import credible, inclusion
 from testbench.tracing.noise.findings import repeat_findings
-from testbench.tracing.noise.noise import bridge
+from testbench.tracing.noise.noise_model import bridge
 from testbench.tracing.noise.power import limits
 from testbench.tracing.noise.statistics import SHORT
 from testbench.tracing.problem.result import Result
@@ -128,8 +128,8 @@ def discovery(tracer, out):
     """What was tried beyond the catalogue, and found laws as files."""
     lifted = {}
     for e in (e for e in out.effects if e["law"] in tracer.library):
-        found = tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes
-        lifted[e["law"]] = tracer.problem.law_file(*found) or lift(*found)
+        law_fit = tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes
+        lifted[e["law"]] = tracer.problem.law_file(*law_fit) or lift(*law_fit)
     return {"ports": [s._asdict() for s in tracer.selections], "files": lifted}
 
 
@@ -188,7 +188,7 @@ def certificates(tracer):
     }
 
 
-def result(tracer, decision):
+def trace_result(tracer, decision):
     """`Result` of a `trace.Tracer` that has run."""
     search_result, problem, probability, free = tracer.found, tracer.problem, {}, {}
     if decision is None:

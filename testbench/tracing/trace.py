@@ -8,22 +8,22 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from testbench.tracing import next_experiment, outcome, verdict
-from testbench.tracing.fit import calibrate as calibration
 from testbench.tracing.fit import discover, heldout, identify, specificity
+from testbench.tracing.fit import posterior_fit as calibration
 from testbench.tracing.fit.causes import find_causes
 from testbench.tracing.fit.evidence import log_prior
 from testbench.tracing.fit.rank import Signatures, rank
 from testbench.tracing.fit.rivals import CLEAR, open_rivals
 from testbench.tracing.fit.search import Search
-from testbench.tracing.noise import noise
+from testbench.tracing.noise import noise_model
 from testbench.tracing.noise.alarms import alarms
 from testbench.tracing.noise.power import Power
-from testbench.tracing.problem.checkpoint import Store
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Failed, Predictor
 from testbench.tracing.problem.problem import all_laws, check, duplicate_laws
 from testbench.tracing.problem.result import Result
 from testbench.tracing.problem.space import Space
+from testbench.tracing.problem.trace_checkpoint import Store
 
 ROWS_OF_DRAWS = 60_000_000  # numbers drawn for one alarm at most
 FEWEST_DRAWS = 199
@@ -87,8 +87,8 @@ class Tracer:
             return False
         rng = np.random.default_rng([self.options.seed, 4])
         judge = not self.problem.noise_from_repeats
-        self.noise = noise.study_noise([self.space], rng, verdict.LEVEL, judge=judge)
-        self.held_noise = noise.study_noise([self.space, self.held], rng, verdict.LEVEL, judge=judge).loud()
+        self.noise = noise_model.study_noise([self.space], rng, verdict.LEVEL, judge=judge)
+        self.held_noise = noise_model.study_noise([self.space, self.held], rng, verdict.LEVEL, judge=judge).loud()
         if self.noise_rejected:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
@@ -124,8 +124,8 @@ class Tracer:
 
         In a refined space the declared noise is the refined one, the octaves' uncertainty stays.
         """
-        wanted = max(self.options.n_null, int(np.ceil(RANKS / alpha)) - 1)
-        draws = max(FEWEST_DRAWS, min(wanted, ROWS_OF_DRAWS // max(self.space.size, 1)))
+        needed_draws = max(self.options.n_null, int(np.ceil(RANKS / alpha)) - 1)
+        draws = max(FEWEST_DRAWS, min(needed_draws, ROWS_OF_DRAWS // max(self.space.size, 1)))
         return alarms(self.store, fit, rankings, self.space_noise(), draws, self.options.seed)
 
     def space_noise(self):
@@ -135,8 +135,8 @@ class Tracer:
     def adequate(self, fit):
         """Alarms again with the effects added, and the held-out test."""
         self.report_progress(f"checking {' + '.join(fit.model.names)}")
-        found = self.alarm(fit, self.rankings(fit), heldout.REFUSED)
-        p = verdict.correct_p(found.p_deterministic, self.options.looks)
+        repeated_alarms = self.alarm(fit, self.rankings(fit), heldout.REFUSED)
+        p = verdict.correct_p(repeated_alarms.p_deterministic, self.options.looks)
         ok, why = self.passes(fit)
         return bool(ok and p >= heldout.REFUSED), {"p": p} | why
 
@@ -144,10 +144,10 @@ class Tracer:
         """(held-out chi2 within its band and no held-out rms above the floor?, why); True without held-out groups."""
         if not self.held.size:
             return True, {}
-        judged = self.heldout_result({"after": fit})
-        above = heldout.exceeded_floors(judged.rows)
-        why = {"heldout_chi2": judged.chi2.get("after"), "heldout_limit": judged.limit, "heldout_above_floor": above}
-        return not judged.failed and judged.chi2["after"] <= judged.limit and not above, why
+        result = self.heldout_result({"after": fit})
+        exceeded = heldout.exceeded_floors(result.rows)
+        why = {"heldout_chi2": result.chi2.get("after"), "heldout_limit": result.limit, "heldout_above_floor": exceeded}
+        return not result.failed and result.chi2["after"] <= result.limit and not exceeded, why
 
     def heldout_result(self, fits):
         """`heldout.HeldoutResult` of {label: Fit}."""
@@ -207,8 +207,8 @@ class Tracer:
         if not self.work.refit(names):
             return np.inf
         fit = self.work.candidates[tuple(sorted(names))].fit
-        (found,) = self.predictor([(fit.point.theta, fit.model.effects(fit.point))], self.held.which)
-        return np.inf if isinstance(found, Failed) else float(np.sum(self.held.residual(found) ** 2))
+        (prediction,) = self.predictor([(fit.point.theta, fit.model.effects(fit.point))], self.held.which)
+        return np.inf if isinstance(prediction, Failed) else float(np.sum(self.held.residual(prediction) ** 2))
 
     def weigh(self):
         """Drop the best set if all data, fitted and held out, give it odds below 1 / alpha against no law at all.
@@ -296,7 +296,7 @@ class Tracer:
         """`Result` of what has been decided, with what the reader needs besides."""
         self.classify()
         self.plan()
-        return outcome.result(self, self.decision)
+        return outcome.trace_result(self, self.decision)
 
     def plan(self):
         """Power of this record, and what to measure next."""

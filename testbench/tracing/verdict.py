@@ -17,10 +17,10 @@ import numpy as np
 from testbench.tracing.fit.causes import MOST
 from testbench.tracing.fit.identify import unseen
 from testbench.tracing.fit.rank import Projection
-from testbench.tracing.noise.statistics import MOVED
+from testbench.tracing.noise.statistics import LEAST_PULL_SHARE
 
 LEVEL = 0.01  # of the tests of noise; that of alarms is `Options.alpha`, of an explanation `heldout.REFUSED`
-LEAST_HELD = 1.0  # ln odds by held-out data alone, for a name
+LEAST_HELDOUT_ODDS = 1.0  # ln odds by held-out data alone, for a name
 LEAST_FREE_D = 3.0
 MINOR = 0.1  # of the largest d of a set, below which a law beside it is no cause
 MOST_IMITATED = 0.02  # of the laws left out that sets as large may imitate: the share of names that may be false
@@ -46,7 +46,7 @@ class Evidence(NamedTuple):
     untried: int = 0  # sets as near as those of the class that were not refitted
     imitated: float = 0.0  # `specificity.imitated` of sets of this many laws
     unsupported: str = ""  # of `unsupported_law`
-    held_odds: float = np.inf  # ln odds of the set by held-out data alone
+    heldout_odds: float = np.inf  # ln odds of the set by held-out data alone
 
 
 def free_d(fit, identifiability):
@@ -67,7 +67,7 @@ def free_d(fit, identifiability):
 def strayed(fit):
     """Notes on nuisances that the data have moved by more than FAR of the deviations that noise and prior allow."""
     out, priors, pulls = [], fit.model.priors, np.abs(fit.model.prior_rows(fit.point))
-    allowed = np.sqrt(np.maximum(1 - (fit.sd[priors] / fit.model.sd[priors]) ** 2, MOVED**2))
+    allowed = np.sqrt(np.maximum(1 - (fit.sd[priors] / fit.model.sd[priors]) ** 2, LEAST_PULL_SHARE**2))
     for j in priors[pulls > FAR * allowed]:
         nuisance, value = fit.model.problem.nuisances[j], fit.point.theta[j]
         unit = nuisance.unit if nuisance.unit != "1" else ""
@@ -138,8 +138,10 @@ def with_heldout(decision, heldout, alpha, n_traces):
     if decision is None or decision.verdict != "none" or p >= alpha:
         return decision
     last = heldout.chi2.get("after")
-    seen = heldout.failed if last is None else f"chi2 / rows {last:.3g}, limit {heldout.limit:.3g}, p = {p:.2g}"
-    return Decision("unexplained", f"no alarm where fitted, but held-out data disagree ({seen}): something is missing")
+    chi2_text = heldout.failed if last is None else f"chi2 / rows {last:.3g}, limit {heldout.limit:.3g}, p = {p:.2g}"
+    return Decision(
+        "unexplained", f"no alarm where fitted, but held-out data disagree ({chi2_text}): something is missing"
+    )
 
 
 def with_search(result, causes, free, evidence, blocked):
@@ -179,8 +181,8 @@ def with_search(result, causes, free, evidence, blocked):
         return Decision("unexplained", f"{laws} explains it, but {what}: its class may be incomplete, none is named")
     if evidence.unsupported:
         return Decision("unexplained", f"{laws} explains it, but {evidence.unsupported}: it is not named")
-    if evidence.heldout and evidence.independent and evidence.held_odds < LEAST_HELD:
-        what = f"ln odds {evidence.held_odds:.2g} by held-out data, {LEAST_HELD:g} needed"
+    if evidence.heldout and evidence.independent and evidence.heldout_odds < LEAST_HELDOUT_ODDS:
+        what = f"ln odds {evidence.heldout_odds:.2g} by held-out data, {LEAST_HELDOUT_ODDS:g} needed"
         return Decision("unexplained", f"{laws} explains it, but nothing confirms it ({what}): it is not named")
     if len(causes) > MOST:
         return Decision("unexplained", f"{laws} explains it, and so do {MOST} other causes or more: no class is named")

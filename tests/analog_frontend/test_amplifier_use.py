@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from analog_frontend import amplifier_use, ring_saturation, ring_tables
 from analog_frontend.parts.device import Device, make
 from testbench.config import Config
-from testbench.run import budget, summary, tables
+from testbench.run import budget, run_tables, summary
 from tests.testbench.bench_setup import board, configured
 
 PAGE = Path(__file__).parents[2] / "docs" / "parts" / "amplifier_use.md"
@@ -69,9 +69,9 @@ def test_the_pickoff_has_the_voltage_that_the_plant_puts_there():
 def test_budget_and_run_say_it():
     planned = budget.budget(Config())
     said = amplifier_use.sentence(planned.amplifiers)
-    assert said in tables.budget_tables(planned)[1].note
+    assert said in run_tables.budget_tables(planned)[1].note
     assert said in summary.notes(Config(), {"locked": True, "phase_deg": None}, planned)
-    listed = tables.budget_json(planned)["amplifier_use"]
+    listed = run_tables.budget_json(planned)["amplifier_use"]
     assert [row["slew_use"] for row in listed] == [u.slew_use for u in planned.amplifiers]
     assert not list(amplifier_use.warnings(planned.amplifiers))
     slow = budget.budget(configured(plant__amplifier_slew_v_per_s=7e6, plant__amplifier_swing_v=9.0))
@@ -80,7 +80,7 @@ def test_budget_and_run_say_it():
         "sense outputs, full scale",
         "sense outputs, full scale",
     ]
-    assert "is 1.45 times plant.amplifier_slew_v_per_s = 7e+06 V/s" in tables.budget_tables(slow)[1].note
+    assert "is 1.45 times plant.amplifier_slew_v_per_s = 7e+06 V/s" in run_tables.budget_tables(slow)[1].note
 
 
 def test_the_drive_at_lock_is_what_its_damping_takes():

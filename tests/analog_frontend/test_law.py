@@ -163,8 +163,8 @@ def test_zero_coefficient_is_off_and_too_many_are_refused():
 def test_every_state_has_a_place_in_both_arenas():
     from analog_frontend.lanes import side_by_side
 
-    assert len(linear.PLACES) == len(side_by_side.PLACES) == 16
-    assert len(set(linear.PLACES.tolist())) == len(set(side_by_side.PLACES.tolist())) == 16
+    assert len(linear.STATE_OFFSETS) == len(side_by_side.STATE_OFFSETS) == 16
+    assert len(set(linear.STATE_OFFSETS.tolist())) == len(set(side_by_side.STATE_OFFSETS.tolist())) == 16
 
 
 # the catalogue --------------------------------------------------------------------------------------------------------

@@ -201,7 +201,10 @@ def test_a_lock_on_a_full_disk_holds_without_its_text(tmp_path, monkeypatch):
         raise OSError(28, os.strerror(28))
 
     monkeypatch.setattr(os, "write", full)
-    with shared_files.try_lock(tmp_path / "lock"), pytest.raises(shared_files.LockedError, match=shared_files.UNKNOWN):
+    with (
+        shared_files.try_lock(tmp_path / "lock"),
+        pytest.raises(shared_files.LockedError, match=shared_files.ANONYMOUS_OWNER),
+    ):
         shared_files.try_lock(tmp_path / "lock")
 
 

@@ -15,7 +15,7 @@ from testbench.errors import FileError
 ALLOWED = (0, 1, 2)
 BLOCKED = 3  # of `measured check`: a record whose firmware is not the model's
 HEAVY = (
-    "testbench.run.simulate:run", "testbench.paper.calibration.calibrations:many", "testbench.paper.study:Study",
+    "testbench.run.simulate:run", "testbench.paper.calibration.calibrations:many", "testbench.paper.paper_study:Study",
     "testbench.paper.measure.characterise:characterise", "testbench.campaign.execute:run",
     "testbench.campaign.rerun:rerun", "testbench.golden.bundles.export:export",
     "testbench.golden.bundles.effect:export",
@@ -23,9 +23,9 @@ HEAVY = (
     "testbench.golden.proofs.synthesis:synthesise", "testbench.golden.ranges.range_report:case_range_entry",
     "testbench.golden.check.rtl_run:check", "testbench.measured.record.produce:record",
     "testbench.measured.record.from_run:write", "testbench.paper.loop.loop_page:write",
-    "testbench.measured.residual.residuals:study_record", "testbench.measured.residual.calibrate:calibrate",
+    "testbench.measured.residual.residuals:study_record", "testbench.measured.residual.calibrate_residual:calibrate",
     "testbench.measured.record.firmware_residual:residual", "testbench.measured.trace_recording:trace_problem",
-    "testbench.measured.closed_loop.loop_trace:run", "testbench.paper.inference.study:run_inference",
+    "testbench.measured.closed_loop.loop_trace:run", "testbench.paper.inference.inference_study:run_inference",
 )  # fmt: skip
 WORDS = (
     "", "x", "-1", "0", "1", "2", "1e400", "nan", "inf", "-inf", "9" * 5000, "0.5", "1e-320", "\n", "°ü", "a=b", "=",

@@ -176,11 +176,11 @@ def _changed_record(rng, record):
 
 def _read_record(path):
     from testbench.measured.closed_loop import loop_record
-    from testbench.measured.record import check_tables, load
+    from testbench.measured.record import check_tables, load_record
 
     def read():
         loop_record.is_record(path)
-        check_tables.stated_config(load.load(path, replay=False).record)
+        check_tables.stated_config(load_record.load(path, replay=False).record)
 
     return read
 
@@ -435,10 +435,10 @@ def campaign_plan(rng, corpus, folder):
 
 def measured_plan(rng, corpus, folder):
     """Plan of a measurement record, TOML."""
-    from testbench.measured.record import plan
+    from testbench.measured.record import recording_plan
 
     path = _toml(rng, folder, (corpus / "measured.toml").read_text())
-    return lambda: plan.read(path)
+    return lambda: recording_plan.read(path)
 
 
 def imported(rng, corpus, folder):
@@ -580,7 +580,7 @@ def rest(rng, corpus, folder):
 
 def checkpoint(rng, corpus, folder):
     """Finished work of a trace: a damaged file is never an error, it is computed again."""
-    from testbench.tracing.problem.checkpoint import Store
+    from testbench.tracing.problem.trace_checkpoint import Store
 
     kept = Store(folder)
     (folder / "ke").mkdir()

@@ -174,7 +174,7 @@ def bundle(files, folder):
 def store(files, folder):
     """Head, plan, journal and points of a store."""
     from testbench.campaign import shard
-    from testbench.campaign.plan.points import canonical, point_address
+    from testbench.campaign.plan.plan_points import canonical, point_address
     from testbench.campaign.store import Store
 
     shutil.copytree(files / "store", folder / "s")
@@ -219,9 +219,11 @@ def column_map(files, folder):
 
 def sheet(files, folder):
     """Tolerances of a data sheet."""
-    from testbench.measured.wide import sheet as sheets
+    from testbench.measured.wide import data_sheet as sheets
 
-    return toml_file(folder, "s.toml", tomllib.loads(sheets.OWN.read_text()), lambda: sheets.read(folder / "s.toml"))
+    return toml_file(
+        folder, "s.toml", tomllib.loads(sheets.BUNDLED_SHEET.read_text()), lambda: sheets.read(folder / "s.toml")
+    )
 
 
 def target(files, folder):

@@ -82,7 +82,7 @@ class Bank:
             own.unlink()
         out = []
         for name, c in zip(self.conditions, made.conditions):
-            fine = rows[name][:, loop_runs.size(c) :].reshape(repeats, len(loop_runs.NAMES), -1)
+            fine = rows[name][:, loop_runs.feature_count(c) :].reshape(repeats, len(loop_runs.NAMES), -1)
             parts = np.split(fine, EDGES[1:], axis=2)
             out.append(np.stack([p.mean(axis=2) for p in parts], axis=2).reshape(repeats, -1))
         return np.array(out)

@@ -11,7 +11,7 @@ import re
 
 from testbench.config import Config
 from testbench.measured.closed_loop.loop_symmetries import tied
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 from tests.sealed import strata
 from tests.sealed.draw import DELAY_SHARE
 
@@ -21,15 +21,15 @@ PRODUCT = re.compile(r"(\w+ [-/*] \w+) = (\S+) \+- ([^\s;]+)")
 def offs(sealed, said):
     """{parameter or product: (found - true) / sd} of an envelope and of the result that was traced from a sheet."""
     cfg, delay_sd_s = Config(), strata.read().plant["delay_sd_s"]
-    tolerances = sheet.read(sheet.OWN)
+    tolerances = data_sheet.read(data_sheet.BUNDLED_SHEET)
     truth = {key: getattr(cfg.plant, key.partition(".")[2]) for key in tolerances} | {
         key: value for key, value in sealed["values"].items() if key in tolerances
     }
     rows = {n["name"]: n for n in said["nuisances"]}
     found = {}
     symmetries = tied(list(tolerances)).values()
-    hidden = {key for s in symmetries for key in (s.held, *s.partners)}
-    for p in sheet.parameters(cfg, tolerances):
+    hidden = {key for s in symmetries for key in (s.dependent_key, *s.partners)}
+    for p in data_sheet.parameters(cfg, tolerances):
         if p.key not in hidden:
             found[p.key] = _off(p, rows[p.key], truth[p.key])
     told = {words: (float(value), float(sd)) for words, value, sd in PRODUCT.findall("\n".join(said["notes"]))}

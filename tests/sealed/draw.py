@@ -12,7 +12,7 @@ import numpy as np
 
 from testbench.config import Config
 from testbench.errors import ConfigError
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 from tests.sealed import strata as tables
 
 DELAY_SHARE = 1.26  # sd of a path's delay in sd of one that the plant draws: its DAC's, and the switches'
@@ -72,7 +72,7 @@ def _sign(effect, value, rng):
 def sheet_values(strata, seed):
     """{key: middle} of a data sheet that is off the board, evenly within one tolerance of each of its keys."""
     rng, plant, out = np.random.default_rng([seed, 2]), Config().plant, {}
-    for key, (kind, tolerance) in sheet.read(sheet.OWN).items():
+    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_SHEET).items():
         width = np.log(tolerance) if kind == "factor" else np.log1p(tolerance)
         # the quadrature of the sheet's own board must be within reach of V_q
         most = min(width, np.log(strata.wide["most_coupling"])) if key == COUPLING else width

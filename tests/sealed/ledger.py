@@ -18,7 +18,7 @@ from pathlib import Path
 
 from testbench.storage import sources
 from testbench.storage.files import write_text
-from testbench.tracing.problem.checkpoint import COMPUTES
+from testbench.tracing.problem.trace_checkpoint import COMPUTES
 from tests.sealed import second_plant
 from tests.sealed.draw import seed_of
 

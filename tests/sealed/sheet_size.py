@@ -10,14 +10,14 @@ import numpy as np
 
 from testbench.config import Config
 from testbench.measured.closed_loop.loop_symmetries import tied
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 
 FIRST = 1e-3  # of a value: the step from which the size of a measured change is sought
 
 
 def nuisances(bank):
     """[(change of the features per unit, sd)] of what the sheet leaves unknown of the default board."""
-    wanted = sheet.parameters(Config(), sheet.read(sheet.OWN))
+    wanted = data_sheet.parameters(Config(), data_sheet.read(data_sheet.BUNDLED_SHEET))
     held, out = tied([p.key for p in wanted]), []
     for p in wanted:
         if p.key in held:

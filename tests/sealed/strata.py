@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import ConfigError
-from testbench.measured.record import plan as plans
+from testbench.measured.record import recording_plan as plans
 from tests.sealed import effects, second_plant
 
 FILE = Path(__file__).with_name("strata.toml")

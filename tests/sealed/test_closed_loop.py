@@ -8,8 +8,8 @@ from scipy import stats
 
 from testbench import config as configuration
 from testbench.measured.closed_loop import loop_record, loop_runs
-from testbench.measured.record import plan as plans
 from testbench.measured.record import produce
+from testbench.measured.record import recording_plan as plans
 from tests.sealed import strata
 from tests.testbench.bench_setup import QUIET
 
@@ -30,7 +30,7 @@ def last_bins(plan, later_s):
     """(observable, condition): mean over the last bin of a dwell that begins later."""
     moved = [c._replace(settle_s=c.settle_s + later_s) for c in plan.conditions]
     rows = loop_record.measured_features(produce.record(plan._replace(conditions=tuple(moved))), "x", {}).values
-    bins = [rows[c.id][0][: loop_runs.size(c)].reshape(len(loop_runs.NAMES), -1)[:, -1] for c in moved]
+    bins = [rows[c.id][0][: loop_runs.feature_count(c)].reshape(len(loop_runs.NAMES), -1)[:, -1] for c in moved]
     return np.array(bins).T[[loop_runs.NAMES.index(name) for name in LAST_PLACE]]
 
 

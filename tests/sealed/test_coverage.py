@@ -7,7 +7,7 @@ import pytest
 
 from testbench.config import Config
 from testbench.measured.closed_loop import loop_symmetries
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 from tests.sealed import coverage, strata
 from tests.sealed.draw import DELAY_SHARE
 
@@ -19,7 +19,7 @@ PRINTED = 0.05  # of an sd with two digits
 def made(moved):
     """(envelope, result) of a fit that ends at the board, but for {key: factor}; it began 2 % off the board."""
     cfg = Config()
-    priors = sheet.parameters(cfg, sheet.read(sheet.OWN))
+    priors = data_sheet.parameters(cfg, data_sheet.read(data_sheet.BUNDLED_SHEET))
     truth = {p.key: p.mean for p in priors} | {"plant.qx": QX}
     values = {key: x * moved.get(key, 1.0) for key, x in truth.items()}
     rows = []
@@ -31,15 +31,15 @@ def made(moved):
         prior_sd, sd = (p.scale * x, SD * x) if p.logarithmic else (p.scale, abs(SD * truth[p.key]))
         rows.append({"name": p.key, "prior_sd": prior_sd, "after": after, "sd": sd})
     covariance = np.diag([(SD * x) ** 2 for x in values.values()])
-    lines = loop_symmetries.lines(list(values), list(values.values()), covariance)
+    lines = loop_symmetries.identifiability_lines(list(values), list(values.values()), covariance)
     return {"values": {"plant.qx": QX}}, {"nuisances": rows, "notes": lines}
 
 
 def test_a_fit_at_the_board_is_off_by_nothing():
     found = coverage.offs(*made({}))
-    tied = {k for s in loop_symmetries.SYMMETRIES for k in (s.held, *s.partners)}
+    tied = {k for s in loop_symmetries.SYMMETRIES for k in (s.dependent_key, *s.partners)}
     assert not tied & set(found)
-    assert len(found) == len(sheet.read(sheet.OWN)) - len(tied) + sum(
+    assert len(found) == len(data_sheet.read(data_sheet.BUNDLED_SHEET)) - len(tied) + sum(
         len(s.partners) for s in loop_symmetries.SYMMETRIES
     )
     assert max(map(abs, found.values())) < 1e-2

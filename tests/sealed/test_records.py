@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from testbench import config
-from testbench.measured.record import load
-from testbench.measured.wide import sheet
+from testbench.measured.record import load_record
+from testbench.measured.wide import data_sheet
 from tests.sealed import effects, ledger, score, strata
 from tests.sealed.__main__ import counted, play, rows_of
 from tests.sealed.records import Run, Tracing
@@ -45,7 +45,7 @@ class Reader:
         self.seen, self.sheets = [], []
 
     def __call__(self, path, wide):
-        loaded = load.load(path)
+        loaded = load_record.load(path)
         assert not loaded.blocked
         assert loaded.residual.decidable
         assert loaded.residual.first is None, "the firmware's words are those of its replay"
@@ -73,7 +73,7 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
         == json.loads(run.path(run.parts[True], 0).read_text())["envelope_sha256"]
     )
     sheets = [plant.model_dump() for plant in again.trace.sheets]
-    tolerances, default = sheet.read(sheet.OWN), config.Config().plant.model_dump()
+    tolerances, default = data_sheet.read(data_sheet.BUNDLED_SHEET), config.Config().plant.model_dump()
     assert sheets[0] == default
     assert {f"plant.{key}" for key in default if sheets[1][key] != default[key]} == set(tolerances)
     rows = rows_of(again)
@@ -138,7 +138,7 @@ def test_a_run_that_is_stopped_within_a_record_does_it_again(tmp_path):
     table, seen = short(null_white=1), []
 
     def stopped(path, wide):
-        seen.append(load.load(path).record.attrs["truth_sha256"])
+        seen.append(load_record.load(path).record.attrs["truth_sha256"])
         if len(seen) == 1:
             raise KeyboardInterrupt
         return Reader()(path, wide)

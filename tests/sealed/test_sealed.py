@@ -12,7 +12,7 @@ from analog_frontend.effects import catalogue, law
 from testbench.config import Config
 from testbench.console.markdown import ROOT, replaced
 from testbench.errors import ConfigError, FileError
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 from tests.sealed import bank, draw, effects, ledger, score, strata
 from tests.sealed.__main__ import GOING, SCORED, choices
 
@@ -113,7 +113,7 @@ def test_no_size_is_beyond_physics(known):
 def test_the_middles_of_a_sheet_are_within_its_tolerances():
     table, plant = strata.read(), Config().plant
     drawn = [draw.sheet_values(table, seed) for seed in range(50)]
-    for key, (kind, tolerance) in sheet.read(sheet.OWN).items():
+    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_SHEET).items():
         factors = np.array([row[key] for row in drawn]) / getattr(plant, key.removeprefix("plant."))
         most = tolerance if kind == "factor" else 1 + tolerance
         assert np.all((1 / most < factors) & (factors < most))

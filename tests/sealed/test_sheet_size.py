@@ -7,7 +7,7 @@ import pytest
 
 from testbench.config import Config
 from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 from tests.sealed import sheet_size
 from tests.sealed.bank import Unit
 
@@ -40,8 +40,8 @@ class Made:
 
 def covariance_of(bank):
     """What the noise and the priors of the sheet leave unknown of the features."""
-    priors = {p.key: p for p in sheet.parameters(Config(), sheet.read(sheet.OWN))}
-    assert set(priors) - set(bank.columns) == {s.held for s in SYMMETRIES}
+    priors = {p.key: p for p in data_sheet.parameters(Config(), data_sheet.read(data_sheet.BUNDLED_SHEET))}
+    assert set(priors) - set(bank.columns) == {s.dependent_key for s in SYMMETRIES}
     covariance = np.eye(ROWS)
     for key, column in bank.columns.items():
         p = priors[key]

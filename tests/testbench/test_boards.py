@@ -376,7 +376,7 @@ def test_the_frequency_loop_makes_the_edges_of_a_plant_dwell(name, number):
     for share in SHARES:
         scale_frequency_loop(lab.sim, share)
         lab.wait(1.0)
-        errors = pin_errors_deg(lab, slide.places)
+        errors = pin_errors_deg(lab, slide.phase_count)
         late_deg.append(360 * nodes.pin_lag_turns(errors / 360))
         fullest.append(np.histogram(errors, 10)[0].max() / len(errors))
     assert fullest[0] > 0.25
@@ -387,7 +387,7 @@ def test_the_frequency_loop_makes_the_edges_of_a_plant_dwell(name, number):
     predicted = [slide.wander_deg * frequency_plan.dwell(slide.beat_hz, math.inf, one) for one in slower]
     assert found * math.copysign(1, slide.exact_hz - f_hz) == pytest.approx(predicted, rel=0.03)
     page = (FOLDER.parent / "design_of_loops.md").read_text()
-    row = f"| {name}, {number} | {slide.places}, {slide.wander_deg:.3f} deg, {slide.beat_hz:.1f} Hz |"
+    row = f"| {name}, {number} | {slide.phase_count}, {slide.wander_deg:.3f} deg, {slide.beat_hz:.1f} Hz |"
     cells = page.partition(row)[2].partition("\n")[0].strip(" |").split(" | ")
     assert [float(cell) for cell in cells] == pytest.approx([predicted[0], found[0], predicted[1], found[1]], abs=1e-4)
 

@@ -21,7 +21,7 @@ from testbench import config as configuration
 from testbench.campaign.plan import engines
 from testbench.campaign.plan.draws import MOST_VALUES, Spec
 from testbench.campaign.plan.measure import STATISTICS, Keep
-from testbench.campaign.plan.points import Point, point_address, point_identity
+from testbench.campaign.plan.plan_points import Point, point_address, point_identity
 from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError, FileError
 from testbench.storage.inputs import open_input, read_toml
@@ -35,7 +35,7 @@ KEEP_KEYS = ("frames", "tau_s", "streams", "statistics")
 MOST_FRAMES = 8000
 SET = "[set]"
 ENGINE = "engine"  # the one parameter that is no key of the configuration
-TAKEN = re.compile(r"tau_s|time_\d+|point|address|status|identity")
+RESERVED_NAME = re.compile(r"tau_s|time_\d+|point|address|status|identity")
 
 
 class Axis(NamedTuple):
@@ -163,7 +163,7 @@ def _axes(tree, path, set_owners):
     axes, owner = [], dict(set_owners)
     for name, table in tree.items():
         where = f"{path}: [axes.{name}]"
-        if not NAME.fullmatch(name) or TAKEN.fullmatch(name) or name in FIELDS or "." in name:
+        if not NAME.fullmatch(name) or RESERVED_NAME.fullmatch(name) or name in FIELDS or "." in name:
             raise ConfigError(f"{where} cannot be the name of a dimension")
         axis = _axis(name, _table(table, f"{path}: axes.{name}"), where)
         for dotted in axis.values:

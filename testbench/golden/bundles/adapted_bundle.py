@@ -13,7 +13,7 @@ import re
 from pathlib import Path
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.bundles import bundle, top
+from testbench.golden.bundles import bundle, design_bundle
 from testbench.golden.foreign import adapter, comparison_scope, design_map
 from testbench.storage.files import replacing_folder
 
@@ -68,7 +68,7 @@ def write_pin_bundle(folder, level, out, map_path=None, top_name=None, latency=N
     if level not in ("pins", "outputs"):
         raise ConfigError(f"level: {level!r} is not one of pins, outputs; the bundle itself is at level registers")
     golden = bundle.read(folder)
-    delays = top.pin_delays(folder, golden.manifest)
+    delays = design_bundle.pin_delays(folder, golden.manifest)
     if latency is not None:
         latencies = comparison_scope.read_latency(latency, golden.manifest, level)
         delays = {name.removeprefix("o_"): k for name, k in latencies.items()}
@@ -77,8 +77,8 @@ def write_pin_bundle(folder, level, out, map_path=None, top_name=None, latency=N
     include_design = "design" in golden.manifest
     has_port_map = map_path is not None or top_name is not None
     texts = top_wrapper_texts(golden.manifest, map_path, top_name) if has_port_map else {}
-    r = top.read_recording(folder, golden.manifest)
-    return top.write(r, out, golden.at, include_design, "pins", more=texts, clocks=delays)
+    r = design_bundle.read_recording(folder, golden.manifest)
+    return design_bundle.write(r, out, golden.at, include_design, "pins", more=texts, clocks=delays)
 
 
 def write_adapted_bundle(folder, map_path, level, out, latency_path=None):

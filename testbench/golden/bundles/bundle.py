@@ -137,8 +137,8 @@ def canonical(data):
 
 def seal(manifest):
     """SHA-256 of a manifest without its provenance and without this very entry."""
-    kept = {k: v for k, v in manifest.items() if k not in ("provenance", "manifest_sha256")}
-    return hashlib.sha256(canonical(kept).encode()).hexdigest()
+    sealed_entries = {k: v for k, v in manifest.items() if k not in ("provenance", "manifest_sha256")}
+    return hashlib.sha256(canonical(sealed_entries).encode()).hexdigest()
 
 
 def vectors_sha256(manifest):

@@ -58,7 +58,7 @@ def manifest_design(path, manifest):
     return design_record.Design(*(getattr(values, key) for key in keys))
 
 
-def board(path):
+def read_board(path):
     """(Config, `top.Params`) of a configuration file; ConfigError where it cannot be built."""
     from testbench.config import load
     from testbench.run import build, design_check  # they know plant and engine, which no other export does
@@ -73,4 +73,4 @@ def board(path):
 
 def config_blocks(path):
     """{stem: Block} of a configuration file, with its parameters as cases."""
-    return blocks.firmware_blocks(board(path)[1])
+    return blocks.firmware_blocks(read_board(path)[1])

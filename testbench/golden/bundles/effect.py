@@ -9,7 +9,7 @@ from pathlib import Path
 
 from testbench.config import law_file, parse_set
 from testbench.errors import ConfigError
-from testbench.golden.bundles import top
+from testbench.golden.bundles import design_bundle
 from testbench.golden.recording import make_recordings
 from testbench.run import build
 
@@ -18,7 +18,7 @@ MOST_ROWS = 200  # with one row each
 
 def case(laws=(), sets=(), frames=9400):
     """`make_recordings.Case` of law files and `section.key=value` texts; ConfigError for what no engine runs."""
-    top.check_frames(frames)
+    design_bundle.check_frames(frames)
     values = dict(parse_set(text)[:2] for text in sets)
     texts = [text for path in laws for text in law_file.read(path).laws]
     if texts:
@@ -34,5 +34,5 @@ def export(name, recording_case, out, progress=None):
     if not name.isidentifier():
         raise ConfigError(f"{name!r} is no name of a case: letters, digits and _")
     r = make_recordings.record_closed_loop(name, recording_case, progress)
-    folder = Path(out) / top.STEM / name
-    return folder, top.write(r._replace(windows=make_recordings.find_windows(r)), folder)
+    folder = Path(out) / design_bundle.STEM / name
+    return folder, design_bundle.write(r._replace(windows=make_recordings.find_windows(r)), folder)

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.errors import ConfigError
-from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top
-from testbench.golden.coverage import evidence
+from testbench.golden.bundles import benches, bundle, bundle_provenance, design_bundle, design_entry, scores
+from testbench.golden.coverage import coverage_evidence
 from testbench.golden.ranges import range_report
 from testbench.golden.stimulus import blocks, stimulus
 from testbench.storage import vcd
@@ -37,15 +37,15 @@ def _build_manifest(block, case, stim, exp, families, seed):
         "seed": seed,
         "families": [list(family) for family in families],
         # arguments that goals cannot be met are of the default design
-        **({} if block.design else {"coverage": evidence.summary(block, case, stim, exp)}),
+        **({} if block.design else {"coverage": coverage_evidence.summary(block, case, stim, exp)}),
         "config_sha256": hashlib.sha256(bundle.canonical(identity).encode()).hexdigest(),
-        "provenance": provenance.provenance(),
+        "provenance": bundle_provenance.provenance(),
     }
 
 
 def _vector_texts(block, stim, exp):
     """{path: text}: packed words, one file per port, and decimal."""
-    inputs, result_ports = [(p.name, p) for p in block.columns], benches.results(block)
+    inputs, result_ports = [(p.name, p) for p in block.columns], benches.result_pairs(block)
     in_widths, out_widths = [p.width for _, p in inputs], [p.width for _, p in result_ports]
     out_width = sum(out_widths)
     files = {
@@ -115,19 +115,23 @@ check clean:
 """
 
 
-def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
+def export(name, out, progress=None, config=None, frames=design_bundle.BOARD_FRAMES):
     """Write the bundles of a block, of `top`, or of all, together; returns [(folder, manifest)].
 
     config  path of a configuration: the blocks of its design, also with its parameters
     frames  of the whole design of a configuration from power-on
     """
-    settings, firmware = (None, None) if config is None else design_entry.board(config)
+    settings, firmware = (None, None) if config is None else design_entry.read_board(config)
     blocks_by_stem = blocks.BLOCKS if config is None else blocks.firmware_blocks(firmware)
-    if config is not None and name in ("all", top.STEM):
-        top.check_board(firmware, frames)
-    selection = [] if name == top.STEM else select_blocks(name, [top.STEM], blocks_by_stem)
-    if name in ("all", top.STEM):
-        selection.append(top.make_block(dict.fromkeys(top.CASES if config is None else top.BOARD_CASES)))
+    if config is not None and name in ("all", design_bundle.STEM):
+        design_bundle.check_board(firmware, frames)
+    selection = [] if name == design_bundle.STEM else select_blocks(name, [design_bundle.STEM], blocks_by_stem)
+    if name in ("all", design_bundle.STEM):
+        selection.append(
+            design_bundle.make_block(
+                dict.fromkeys(design_bundle.CASES if config is None else design_bundle.BOARD_CASES)
+            )
+        )
     results, todo = [], [(block, case) for block in selection for case in block.cases]
     with atomic_outputs(), contextlib.ExitStack() as stack:
         # all at the begin, so that a folder that another process writes is refused before hours are spent
@@ -136,12 +140,12 @@ def export(name, out, progress=None, config=None, frames=top.BOARD_FRAMES):
             if progress is not None:
                 progress(f"{block.stem}/{case}", n, len(todo))
             folder = new[block.stem] / case
-            if block.stem != top.STEM:
+            if block.stem != design_bundle.STEM:
                 manifest = export_case(block, case, folder)
             elif config is None:
-                manifest = top.export_case(case, folder)
+                manifest = design_bundle.export_case(case, folder)
             else:
-                manifest = top.export_board(firmware, settings, case, folder, frames)
+                manifest = design_bundle.export_board(firmware, settings, case, folder, frames)
             results.append((Path(out) / block.stem / case, manifest))
         for block in selection:
             (new[block.stem] / "Makefile").write_text(folder_makefile(block))

@@ -19,7 +19,7 @@ from fpga_model import block as registry
 from fpga_model.fixed import Fmt, formats
 from testbench import flatten
 from testbench.errors import FileError
-from testbench.golden.bundles import bundle, design_entry, export, top
+from testbench.golden.bundles import bundle, design_bundle, design_entry, export
 from testbench.golden.recording import recording
 from testbench.golden.stimulus import blocks
 from testbench.storage import inputs
@@ -104,13 +104,15 @@ def _rewrite_block(golden, path, folder):
 
 def _rewrite_top(golden, path, folder):
     """The same for a bundle of the whole design: its recording, replayed."""
-    r = top.read_recording(path.parent, golden.manifest)
+    r = design_bundle.read_recording(path.parent, golden.manifest)
     include_design = "design" in golden.manifest
-    shipped = recording.load(r.name) if r.name in top.CASES and not include_design else None
+    shipped = recording.load(r.name) if r.name in design_bundle.CASES and not include_design else None
     if shipped is not None and shipped.frames == r.frames and recording.sha256(shipped) != recording.sha256(r):
         raise FileError(f"{path}: is of another recording of {r.name} than this version has")
-    clocks = top.pin_delays(path.parent, golden.manifest)
-    top.write(r, folder, golden.at, include_design, top.bundle_level(golden.manifest), clocks=clocks)
+    clocks = design_bundle.pin_delays(path.parent, golden.manifest)
+    design_bundle.write(
+        r, folder, golden.at, include_design, design_bundle.bundle_level(golden.manifest), clocks=clocks
+    )
 
 
 def _check_rows(folder, name, stored, computed, at, ports):

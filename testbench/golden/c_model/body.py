@@ -8,8 +8,8 @@ import ast
 import re
 from typing import NamedTuple
 
+from testbench.golden.c_model.c_kinds import NUMBER, StaticValue, aggregate, c_name
 from testbench.golden.c_model.expressions import Expressions, Unsupported, Value, address, bare
-from testbench.golden.c_model.kinds import NUMBER, StaticValue, aggregate, c_name
 
 
 class Signature(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpga_model.block import python_function
 from fpga_model.design_record import Design
-from testbench.golden.c_model.kinds import NUMBER, Array, Record, StaticValue, aggregate, c_name
+from testbench.golden.c_model.c_kinds import NUMBER, Array, Record, StaticValue, aggregate, c_name
 
 BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^"}
 SHIFTS = {ast.LShift: "gyro_shl", ast.RShift: "gyro_shr"}

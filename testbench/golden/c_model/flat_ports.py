@@ -9,8 +9,8 @@ from typing import NamedTuple
 from fpga_model import block as registry
 from fpga_model import control, sine, top
 from fpga_model.fixed import formats
-from testbench.golden.bundles import top as top_bundle
-from testbench.golden.c_model.kinds import NUMBER, Record, StaticValue, aggregate, infer_kind, number_count
+from testbench.golden.bundles import design_bundle as top_bundle
+from testbench.golden.c_model.c_kinds import NUMBER, Record, StaticValue, aggregate, infer_kind, number_count
 from testbench.golden.c_model.program import Program
 from testbench.golden.stimulus import blocks
 

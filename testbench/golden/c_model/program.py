@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from fpga_model.block import python_function
 from fpga_model.fixed import formats
 from testbench.golden.c_model.body import Body
+from testbench.golden.c_model.c_kinds import Array, Record, StaticValue, c_name, infer_kind, prefix
 from testbench.golden.c_model.expressions import Unsupported, literal
-from testbench.golden.c_model.kinds import Array, Record, StaticValue, c_name, infer_kind, prefix
-from testbench.golden.ranges.interpreter import source
+from testbench.golden.ranges.interpreter import source_tree
 
 DESIGN = "design"
 
@@ -29,10 +29,14 @@ class Part:
     @property
     def header(self):
         """All texts of the header."""
-        shown = [f"#define {name} {text}" for name, text in self.constants.items()]
-        shown += [f"extern const int64_t {name}[{len(words)}];" for name, words in self.tables.items()]
-        found = ["\n".join(shown) + "\n", *self.structs.values(), *(found.text for found in self.functions)]
-        return "\n".join(found)
+        declarations = [f"#define {name} {text}" for name, text in self.constants.items()]
+        declarations += [f"extern const int64_t {name}[{len(words)}];" for name, words in self.tables.items()]
+        sections = [
+            "\n".join(declarations) + "\n",
+            *self.structs.values(),
+            *(function.text for function in self.functions),
+        ]
+        return "\n".join(sections)
 
 
 class Program:
@@ -109,7 +113,7 @@ class Program:
             name = next(name for name in names if name not in self.used_names)
             self.used_names.add(name)
             try:
-                self.signatures[key] = Body(self, func, source(func).tree).function(name, kinds)
+                self.signatures[key] = Body(self, func, source_tree(func).tree).function(name, kinds)
             except (Unsupported, AttributeError, KeyError) as error:
                 raise Unsupported(f"{func.__module__}.{func.__name__}: {error}") from error
             if self.signatures[key].text:
@@ -121,8 +125,8 @@ class Program:
     def includes(self, stem, text):
         """Stems of the parts that a text names."""
         names = "|".join(sorted(map(re.escape, self.parts), key=len, reverse=True))
-        found = {name.lower() for name in re.findall(rf"\bgyro_({names})_", text, re.I)}
-        return sorted(found - {stem})
+        stems = {name.lower() for name in re.findall(rf"\bgyro_({names})_", text, re.I)}
+        return sorted(stems - {stem})
 
     def header(self, stem):
         """Text of STEM.h."""

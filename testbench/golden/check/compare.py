@@ -29,7 +29,7 @@ class Column(NamedTuple):
     """One logged port: int64 values, and where they were known."""
 
     values: np.ndarray
-    known: np.ndarray
+    valid: np.ndarray
 
 
 class Divergence(NamedTuple):
@@ -236,7 +236,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         raise FileError("log: no rows")
     golden = {**inputs, **expected}
     counts = {name: (care or {}).get(name, np.ones(manifest["n"], bool))[:n] for name in logged}
-    wrong = {name: counts[name] & (~c.known[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
+    wrong = {name: counts[name] & (~c.valid[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
     differing = {name: int(rows.sum()) for name, rows in wrong.items() if rows.any()}
     rtl_ports = {p["name"]: name for name, p in levels.compared_ports(manifest, terms.level)}
     missing = tuple(name for name in expected if name in rtl_ports and name not in logged)
@@ -255,7 +255,7 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
 
     def logged_value(name, row):
         column = logged[name]
-        return int(column.values[row]) if column.known[row] else None
+        return int(column.values[row]) if column.valid[row] else None
 
     want, have = int(golden[port][cycle]), logged_value(port, cycle)
     scale = 2.0 ** -fmts[port].f
@@ -311,7 +311,7 @@ def compare_bundle(golden, got, before=BEFORE, scope=None):
 
 def _driven(golden, logged):
     """Column of an input: what the design was given, where its log says so."""
-    return golden if logged is None else np.where(logged.known[: len(golden)], logged.values[: len(golden)], golden)
+    return golden if logged is None else np.where(logged.valid[: len(golden)], logged.values[: len(golden)], golden)
 
 
 def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
@@ -329,9 +329,9 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
         },
         expected={name: golden[name][:n] for name in names},
         got={name: logged[name].values[:n] for name in logged_names},
-        care={name: counts[name] & logged[name].known[:n] for name in logged_names},
-        unknown=tuple(
-            name for name in registers if name in logged_names and counts[name][0] and not logged[name].known[0]
+        care={name: counts[name] & logged[name].valid[:n] for name in logged_names},
+        undefined_registers=tuple(
+            name for name in registers if name in logged_names and counts[name][0] and not logged[name].valid[0]
         ),
         design=design_entry.manifest_design("manifest", manifest) or DEFAULT,
     )

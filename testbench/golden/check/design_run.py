@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.foreign import adapter, comparison_scope, design_map, sources
+from testbench.golden.foreign import adapter, comparison_scope, design_map, rtl_sources
 from testbench.golden.foreign.choice import AS_OURS, Choice  # noqa: F401
 from testbench.golden.foreign.design_map import LIBRARY
 
@@ -39,7 +39,7 @@ class Design(NamedTuple):
 
     manifest: dict
     sim: str
-    sources: sources.Sources
+    sources: rtl_sources.Sources
     level: str
     module: str
     wrapper: str | None
@@ -95,9 +95,9 @@ def _sources(rtl, block, choice, top):
     if not Path(rtl).is_dir():
         raise FileError(f"{rtl}: not a folder")
     if choice.files is not None:
-        candidates = [sources.read_source_list(choice.files)]
+        candidates = [rtl_sources.read_source_list(choice.files)]
     else:
-        candidates = sources.folder_sources(rtl, block) or (sources.folder_sources(rtl, top) if top else [])
+        candidates = rtl_sources.folder_sources(rtl, block) or (rtl_sources.folder_sources(rtl, top) if top else [])
     language = SIMULATORS[choice.sim].language if choice.sim else None
     usable_candidates = [candidate for candidate in candidates if language in (None, candidate.language)]
     if not usable_candidates:

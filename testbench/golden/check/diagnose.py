@@ -16,14 +16,14 @@ from fpga_model import top
 from fpga_model.block import block_modules, leaves
 from fpga_model.design_record import DEFAULT
 from testbench.golden.diagnosis import design_graph, elaborate
+from testbench.golden.diagnosis.cause_ranking import MOST_CAUSES, Cause, hidden_causes, rank_causes
+from testbench.golden.diagnosis.fault_search import Search
+from testbench.golden.diagnosis.node_rows import Rows as Wires
 from testbench.golden.diagnosis.partial_observation import PartialObservation
-from testbench.golden.diagnosis.rows import Rows as Wires
-from testbench.golden.diagnosis.search import Search
-from testbench.golden.diagnosis.verdict import MOST_LISTED, Cause, hidden_causes, rank_causes
 from testbench.golden.recording import board_pins, recording
 
 MOST_SHIFT = 8  # clocks
-BEYOND_PINS = 2  # a cause at the pins of the whole design may as well be in a block that leads to no pin
+PINLESS_FACTOR = 2  # a cause at the pins of the whole design may as well be in a block that leads to no pin
 LEAST_ROWS = 4  # wrong rows of a register of the whole design, below which its cause is not certain
 
 
@@ -45,7 +45,7 @@ class Rows(NamedTuple):
     expected: dict
     got: dict
     care: dict
-    unknown: tuple = ()
+    undefined_registers: tuple = ()
     design: object = DEFAULT
 
 
@@ -98,7 +98,7 @@ def _search_causes(rows, search):
     first = list(_first_row_causes(rows, search))
     names = {c.register for c in first}
     count = len(names | set(search.faulty))
-    later_causes = (c for c in rank_causes(search, names) if c.register not in rows.unknown)
+    later_causes = (c for c in rank_causes(search, names) if c.register not in rows.undefined_registers)
     return [*(c._replace(share=c.share / count) for c in first), *later_causes], count
 
 
@@ -132,7 +132,7 @@ def _top_causes(rows):
             design_cause = cause._replace(register=one.names[cause.register], share=cause.share * count)
             groups.setdefault((cause.cause, *one.homes[cause.register]), []).append(design_cause)
     merged = [group[0]._replace(share=sum(c.share for c in group) / total) for group in groups.values()]
-    return sorted(merged, key=lambda cause: -cause.share)[:MOST_LISTED]
+    return sorted(merged, key=lambda cause: -cause.share)[:MOST_CAUSES]
 
 
 def _pin_causes(rows, net, instances, registers):
@@ -165,13 +165,13 @@ def _pin_causes(rows, net, instances, registers):
     if wrong or len(modules) != 1:
         return []
     both = set.intersection(*map(set, per_instance))
-    share = min((cause.share for of in per_instance for cause in of.values()), default=0.0) / BEYOND_PINS
+    share = min((cause.share for of in per_instance for cause in of.values()), default=0.0) / PINLESS_FACTOR
     common_causes = {}
     for key in per_instance[0]:
         if key in both:
             cause = per_instance[0][key]._replace(share=share)
             common_causes.setdefault((cause.cause, cause.register), cause)
-    return list(common_causes.values())[:MOST_LISTED]
+    return list(common_causes.values())[:MOST_CAUSES]
 
 
 def _instance_causes(rows, one, names, wires, valid_rows):
@@ -182,7 +182,7 @@ def _instance_causes(rows, one, names, wires, valid_rows):
         got={name: rows.got[port] for name, port in names.items()},
         # what follows from a value that nobody knows is not judged
         care={name: rows.care[port] & np.r_[True, valid_rows[:-1]] for name, port in names.items()},
-        unknown=tuple(name for name, port in names.items() if port in rows.unknown),
+        undefined_registers=tuple(name for name, port in names.items() if port in rows.undefined_registers),
     )
     leaf_columns = {("in", name): wires.node_column(node) for name, node in one.ports.items()}
     leaf_columns["in", "rst"] = rows.inputs["rst"]
@@ -198,9 +198,9 @@ def _first_row_causes(rows, search):
     """Causes that row 0 shows: a register unknown behind the reset, or another value there and nothing wrong later."""
     for name in search.net.reset:
         value = int(rows.got[name][0])
-        if name in rows.unknown:
+        if name in rows.undefined_registers:
             # where most are not reset, it is not a register that lacks its reset
-            if 2 * len(rows.unknown) <= len(search.net.reset) or len(rows.unknown) == 1:
+            if 2 * len(rows.undefined_registers) <= len(search.net.reset) or len(rows.undefined_registers) == 1:
                 # a branch before the reset gives the same
                 yield Cause("no_reset", name, 0.5, "unknown behind the reset")
         elif name not in search.faulty and rows.care[name][0] and value != rows.expected[name][0]:

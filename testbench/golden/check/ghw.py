@@ -275,7 +275,7 @@ def _hierarchy(r, strings, types):
         elif kind == FOR:
             scalar = _read_type(r, types)
             r.require(isinstance(scalar, Scalar), "a loop over what is no scalar")
-            scopes.append(f"{name}({_value(r, scalar.kind)})")
+            scopes.append(f"{name}({_scalar_value(r, scalar.kind)})")
         elif SIGNAL <= kind <= LAST_PORT:
             signal_type = _read_type(r, types)
             r.require(not _is_open(signal_type), f"signal {name} has no bounds")
@@ -292,7 +292,7 @@ def _hierarchy(r, strings, types):
     return signals, stored
 
 
-def _value(r, kind):
+def _scalar_value(r, kind):
     if kind in (B2, E8):
         return r.byte()
     if kind in (I32, I64, P32, P64):
@@ -312,7 +312,7 @@ def _changes(r, stored, watched):
             r.require(not any(r.take(4)), "the head of section SNP is not zero")
             time = r.word("q")
             for number in range(1, len(stored) + 1):
-                value = _value(r, kinds[number])
+                value = _scalar_value(r, kinds[number])
                 for group, position in watched.get(number, ()):
                     yield time, group, position, value
             r.require(r.take(4) == b"ESN\0", "section SNP has no end")
@@ -323,7 +323,7 @@ def _changes(r, stored, watched):
                 while step := r.unsigned_number():
                     number += step
                     r.require(number in kinds, f"signal {number} is not in the hierarchy")
-                    value = _value(r, kinds[number])
+                    value = _scalar_value(r, kinds[number])
                     for group, position in watched.get(number, ()):
                         yield time, group, position, value
                 step = r.signed_number()

@@ -20,7 +20,7 @@ ROWS = "rows.txt"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
-def results(manifest, level="registers"):
+def logged_ports(manifest, level="registers"):
     """(RTL port, entry of the manifest) of everything that is logged at a level."""
     return levels.compared_ports(manifest, level)
 
@@ -61,7 +61,7 @@ def verilog(manifest, rom=None, level="registers", module=None):
     module  what is instantiated; gyro_BLOCK if not given
     """
     _check_names(manifest)
-    inputs, result_ports = manifest["inputs"], results(manifest, level)
+    inputs, result_ports = manifest["inputs"], logged_ports(manifest, level)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
     values = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
     values += [f".{name}({bits}'{'s' * signed}h{raw:x})" for name, bits, signed, raw in parameters(manifest, False)]
@@ -112,7 +112,7 @@ endmodule
 def vhdl(manifest, rom=None, level="registers", module=None):
     """The bench in VHDL-2008."""
     _check_names(manifest)
-    inputs, result_ports = manifest["inputs"], results(manifest, level)
+    inputs, result_ports = manifest["inputs"], logged_ports(manifest, level)
     wide, half = sum(p["width"] for p in inputs), _half_ps(manifest)
     outs = list(_slices([p | {"name": name} for name, p in result_ports]))
 

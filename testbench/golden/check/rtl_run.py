@@ -108,7 +108,7 @@ class Runner:
 def _complaints(output, texts, manifest, design):
     """Our words for what a tool says about ports; sorted out once each, in order. `texts` are {file: text} of ours."""
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
-    widths |= {name: p["width"] for name, p in loggers.results(manifest)}
+    widths |= {name: p["width"] for name, p in loggers.logged_ports(manifest)}
     parameters = {name: width for name, width, _, _ in loggers.parameters(manifest)}
     parameters |= {name: 32 for name, _ in design_entry.rtl_parameters(manifest)}
     widths |= parameters
@@ -258,7 +258,7 @@ def simulate_columns(folder, stim, design, timeout_s=TIMEOUT_S):
                 f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{first_lines(output)}"
             )
         code, output = run(*command)
-        columns = _columns(work_folder / loggers.ROWS, loggers.results(design.manifest, design.level), last)
+        columns = _columns(work_folder / loggers.ROWS, loggers.logged_ports(design.manifest, design.level), last)
         rows = len(next(iter(columns.values())).values)
         if rows < design.manifest["n"]:
             raise FileError(
@@ -275,7 +275,7 @@ def _check_activity(columns, scope, design):
     if not moves:
         return
     last = design.sources.files[-1]
-    if all(not columns[name].known.any() for name in moves):
+    if all(not columns[name].valid.any() for name in moves):
         if design.port_map is None:
             return
         raise FileError(f"{last}: every port is unknown (x) in every row: the design is not clocked, or never reset")
@@ -283,9 +283,9 @@ def _check_activity(columns, scope, design):
     names = [p["name"] for p in golden.manifest["inputs"]]
     reset = golden.stim[:, names.index("rst")] != 0 if "rst" in names else np.zeros(len(golden.exp), bool)
     after = np.r_[False, ~reset[:-1]]
-    if not all(columns[n].known[after].all() and len(np.unique(columns[n].values[after])) == 1 for n in moves):
+    if not all(columns[n].valid[after].all() and len(np.unique(columns[n].values[after])) == 1 for n in moves):
         return
-    if any(len(np.unique(columns[n].values[columns[n].known])) > 1 for n in moves):
+    if any(len(np.unique(columns[n].values[columns[n].valid])) > 1 for n in moves):
         active = design.port_map.reset[1] if design.port_map else 1
         raise FileError(
             f"{last}: ports change only where rst is active: the reset is of the other polarity; "
@@ -311,6 +311,6 @@ def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None
     _check_activity(columns, scope, design)
     aligned_columns = {
         p["name"]: comparison_scope.align_column(scope, columns[p["name"]], name)
-        for name, p in loggers.results(design.manifest, design.level)
+        for name, p in loggers.logged_ports(design.manifest, design.level)
     }
     return compare_bundle(scope.golden, aligned_columns, before, scope)

@@ -14,20 +14,23 @@ from pathlib import Path
 import numpy as np
 
 from testbench.errors import ConfigError, FileError
-from testbench.golden.bundles import bundle, top
+from testbench.golden.bundles import bundle, design_bundle
 from testbench.golden.bundles.adapted_bundle import write_pin_bundle
 from testbench.golden.check import compare, design_run
 from testbench.golden.check.compare import Column, Report
 from testbench.golden.check.rtl_run import TIMEOUT_S, Runner, first_lines
 from testbench.golden.diagnosis.design_graph import report_name
-from testbench.golden.recording import recording, replay
+from testbench.golden.recording import recording, replay_recording
 from testbench.golden.stimulus import levels
 
 ROW = re.compile(r"clock (\d+): (\w+): expected (\w+), got (\w+) \(hex\)")
 FRAME = re.compile(r"frame (\d+) \(clocks ")
 PASSED = re.compile(r"PASS \S+: (\d+) clocks, (\d+) rows .* (\d+) of \d+ frames")
 UNREAD = ("ports/", "vec.csv", "golden.")  # files that no bench opens
-BEFORE, BEHIND = 2, 2  # frames around the one that differs: a waveform has two, 8 kHz work needs some behind
+FRAMES_BEFORE, FRAMES_AFTER = (
+    2,
+    2,
+)  # frames around the one that differs: a waveform has two, 8 kHz work needs some behind
 MOST_OUTPUT_BYTES = 1 << 28
 
 
@@ -68,7 +71,7 @@ def _run_check_script(run, bench, sim, rtl, files, level, frames=()):
     raise FileError(f"{rtl}: nothing was compared under {sim}:\n{first_lines(text)}")
 
 
-def _value(word, port):
+def _port_value(word, port):
     """Number of a hexadecimal word of a port; None: unknown."""
     try:
         raw = int(word, 16)
@@ -90,9 +93,9 @@ def _logged(golden, text):
     columns = [Column(c.copy(), np.ones(len(c), bool)) for c in np.column_stack([golden.stim, golden.exp]).T]
     columns_by_port = dict(zip(ports, columns, strict=True))
     for clock, name, _, got in ROW.findall(text):
-        value = _value(got, ports[name])
+        value = _port_value(got, ports[name])
         column, row = columns_by_port[name], int(clock) - first
-        column.values[row], column.known[row] = value or 0, value is not None
+        column.values[row], column.valid[row] = value or 0, value is not None
     manifest = prefixed_manifest(manifest)
     names = [p["name"] for k in ("inputs", "registers", "outputs") for p in manifest[k]]
     return dict(zip(names, columns, strict=True))
@@ -108,7 +111,7 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     if not 0 < timeout_s <= 86400:
         raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
     manifest = bundle.read(folder).manifest
-    level = choice.level or top.bundle_level(manifest)
+    level = choice.level or design_bundle.bundle_level(manifest)
     if level not in levels.LEVELS or (level == "registers" and not manifest["registers"]):
         raise ConfigError(f"level: {level!r} is not a level of {folder}")
     if _has_custom_names(choice) and level == "registers":
@@ -139,20 +142,28 @@ def _compare_window(text, run, bench, sim, rtl, files, level, manifest):
     frames = [int(number) for number in FRAME.findall(text)]
     row = ROW.search(text)
     frames += [int(row[1]) // clocks] if row else []
-    begin, end = max(min(frames) - BEFORE, 0), min(min(frames) + BEHIND + 1, manifest["frames"])
+    begin, end = max(min(frames) - FRAMES_BEFORE, 0), min(min(frames) + FRAMES_AFTER + 1, manifest["frames"])
     clock_window = recording.Window(begin * clocks, (end - begin) * clocks, "differs")
-    r, window = top.first_frames(top.read_recording(bench, manifest), end, (clock_window,)), run.folder / "window"
+    r, window = (
+        design_bundle.first_frames(design_bundle.read_recording(bench, manifest), end, (clock_window,)),
+        run.folder / "window",
+    )
     at = np.arange(clock_window.first, clock_window.first + clock_window.count)
     more = {path.name: path.read_text() for path in bench.glob("golden_top.v*")}
-    clocks = top.pin_delays(bench, manifest)
-    top.write(r, window, at, "design" in manifest, top.bundle_level(manifest), clock_window.count, more, clocks)
+    clocks = design_bundle.pin_delays(bench, manifest)
+    design_bundle.write(
+        r, window, at, "design" in manifest, design_bundle.bundle_level(manifest), clock_window.count, more, clocks
+    )
     golden = bundle.read(window)
     got = _logged(golden, _run_check_script(run, window, sim, rtl, files, level, ("FRAMES=0",)))
     window_manifest, exp = golden.manifest, golden.exp
     if not window_manifest["registers"] and not clocks:
         # a diagnosis of the pins needs the registers of the model
-        rows = replay.run(r.params, r.stimulus, r.frames, at, registers=False)
-        block, exp = top.make_block({r.name: r.params}, r.params.design), np.column_stack([rows.registers, exp])
+        rows = replay_recording.run(r.params, r.stimulus, r.frames, at, registers=False)
+        block, exp = (
+            design_bundle.make_block({r.name: r.params}, r.params.design),
+            np.column_stack([rows.registers, exp]),
+        )
         window_manifest = window_manifest | {"registers": [bundle.port(p) for p in block.registers]}
     window_manifest = prefixed_manifest(window_manifest)
     report = compare.compare(

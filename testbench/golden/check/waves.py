@@ -211,8 +211,8 @@ def _from_dump(path, reader, signals, fmts):
     if signals.reset:
         name, active = signals.reset
         levels = _sample_column(changes[name], at, "reset", bits(1), path)
-        asserted = np.flatnonzero(levels.known & (levels.values == active))
-        free = np.flatnonzero(levels.known & (levels.values != active))
+        asserted = np.flatnonzero(levels.valid & (levels.values == active))
+        free = np.flatnonzero(levels.valid & (levels.values != active))
         free = free[free > asserted[0]] if len(asserted) else free[:0]
         if not len(free):
             raise FileError(f"{path}: reset {name} is never active and then released at a clock edge")

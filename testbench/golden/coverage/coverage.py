@@ -45,11 +45,13 @@ def toggle_goals(ports):
 
 def reached_toggle_goals(ports, rows):
     """The toggle goals that rows meet."""
-    seen = set()
-    for found in toggles(ports, rows):
-        for way, mask in (("rise", found.rose), ("fall", found.fell)):
-            seen |= {("toggle", found.name, f"{way} {k}") for k in range(found.width) if mask >> k & 1}
-    return seen
+    reached_goals = set()
+    for port_toggles in toggles(ports, rows):
+        for way, mask in (("rise", port_toggles.rose), ("fall", port_toggles.fell)):
+            reached_goals |= {
+                ("toggle", port_toggles.name, f"{way} {k}") for k in range(port_toggles.width) if mask >> k & 1
+            }
+    return reached_goals
 
 
 def side_by_side(regs, pins):

@@ -25,7 +25,7 @@ from fpga_model import fixed
 from testbench.golden.stimulus import blocks
 
 ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
-SAME = {ast.Eq: "==", ast.NotEq: "!="}
+EQUALITY = {ast.Eq: "==", ast.NotEq: "!="}
 ROUNDED = ("zero", "one", "half-1", "half+1", "ones", "tie+even", "tie+odd", "tie-even", "tie-odd")
 CLAMPED = ("lo-1", "lo", "lo+1", "hi-1", "hi", "hi+1")
 WRAPPED = ("under", "lo", "hi", "over")
@@ -44,7 +44,7 @@ class Site(NamedTuple):
     text: str
     again: int
     possible: tuple
-    seen: set
+    reached_outcomes: set
 
     @property
     def name(self):
@@ -242,7 +242,7 @@ class _Transformer(ast.NodeTransformer):
     def visit_Compare(self, node):
         kind = type(node.ops[0])
         possible = ("yes", "no", "-1", "0", "+1") if kind in ORDER else ("yes", "no")
-        symbol = {**ORDER, **SAME}[kind]
+        symbol = {**ORDER, **EQUALITY}[kind]
         note = self.add_probe("compare", node, possible, lambda seen: _probe_comparison(symbol, seen))
         (right,) = node.comparators
         return ast.Call(note, [self.visit(node.left), self.visit(right)], [])
@@ -285,7 +285,7 @@ class Probed:
         sites = (Site(kind, path, text, again, possible, set()) for again in itertools.count(1))
         site = next(site for site in sites if site.name not in self.sites)
         self.sites[site.name] = site
-        self.shared[key] = note = factory(site.seen)
+        self.shared[key] = note = factory(site.reached_outcomes)
         if self.watched and self.watched[:2] == (kind, site.name):
             self.shared[key] = self.track_distance(kind, note, self.watched[2])
         return key
@@ -328,14 +328,14 @@ class Probed:
     def clear(self):
         self.nearest = None
         for site in self.sites.values():
-            site.seen.clear()
+            site.reached_outcomes.clear()
 
     def goals(self):
         """Every (kind, name, outcome) that the sites could give."""
         return [(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.possible]
 
     def reached_goals(self):
-        return {(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.seen}
+        return {(s.kind, s.name, outcome) for s in self.sites.values() for outcome in s.reached_outcomes}
 
 
 def build_probed_step(block, case, watched=None):
@@ -351,8 +351,8 @@ def edge(block, case, step):
     state_index, params = names.index("s"), block.cases[case]
 
     def step_row(s, row):
-        given = blocks.step_arguments(block, params, row)
-        return step(*given[:state_index], s, *given[state_index:])
+        step_inputs = blocks.step_arguments(block, params, row)
+        return step(*step_inputs[:state_index], s, *step_inputs[state_index:])
 
     return step_row
 

@@ -11,11 +11,11 @@ import collections
 
 import numpy as np
 
-from testbench.golden.diagnosis import condition_hypotheses, simulate
+from testbench.golden.diagnosis import condition_hypotheses, simulate_faults
 from testbench.golden.diagnosis.net import wrapped
+from testbench.golden.diagnosis.node_rows import Rows
 from testbench.golden.diagnosis.perturb import Hypothesis, node_hypotheses, with_argument
 from testbench.golden.diagnosis.perturb_control import is_reset_choice
-from testbench.golden.diagnosis.rows import Rows
 
 BEFORE, AFTER = 800, 2000  # rows before and behind the first difference
 MOST_RUN = 3000  # hypotheses that are run: of each cause the cheapest ones, as many of each
@@ -135,12 +135,12 @@ class PartialObservation:
         registers = [name for name, root in self.net.roots.items() if root.op == "next"]
         total, out, runs = np.count_nonzero(self.wrong), [], {}
         for h, row in activations[:MOST_RUN]:
-            if simulate.adds_a_register(self.net, h.by):
-                by, (run, added_registers) = None, simulate.compile_block(self.net, h.site, h.by, self.visible)
+            if simulate_faults.adds_a_register(self.net, h.by):
+                by, (run, added_registers) = None, simulate_faults.compile_block(self.net, h.site, h.by, self.visible)
             else:
-                by = simulate.compile_node(self.net, h.by)
+                by = simulate_faults.compile_node(self.net, h.by)
                 if h.site.id not in runs:
-                    runs[h.site.id] = simulate.compile_block(self.net, h.site, None, self.visible)
+                    runs[h.site.id] = simulate_faults.compile_block(self.net, h.site, None, self.visible)
                 run, added_registers = runs[h.site.id]
             state = [int(self.leaves["reg", name][row]) for name in registers]
             if row == 0 == self.begin and is_reset_choice(h.site) and h.cause == "reset" and h.by.args[1].op == "const":

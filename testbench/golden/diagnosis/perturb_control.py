@@ -17,7 +17,7 @@ NEIGHBOURS = {
     "ne": ("lt", "gt"),
 }
 MOST_FLAGS = 60
-MOST_LATE = 4
+MOST_DELAY = 4
 MOST_MODES = 3  # bits of a mode: a branch of one may be taken in another one as well
 
 
@@ -133,7 +133,7 @@ def _reset_variants(net, node):
         # a register that holds, and behind it others that do not
         pipelined = net.enabled_register(loads, after, value.value)
         yield "late", "1 clock", net.node("mux", (rst, value, pipelined)), 0
-    for k in range(1, MOST_LATE + 1):
+    for k in range(1, MOST_DELAY + 1):
         if pipelined is not after:
             pipelined = net.enabled_register(net.const(1), pipelined, value.value)
             yield "late", f"{k + 1} clocks", net.node("mux", (rst, value, pipelined)), 0

@@ -28,12 +28,12 @@ def hypotheses(net, rows, target, inside, wrong):
     """Hypotheses on a target from its `wrong` rows; `inside` are the nodes of its root."""
     pattern = np.unique((target.got ^ target.sound)[wrong] & ((1 << target.fmt.width) - 1))
     node_hypotheses = [h for node in inside for h in _node_hypotheses(net, rows, target, node, wrong, pattern)]
-    loaded = _values(net, rows, target, wrong)
+    loaded = _value_sources(net, rows, target, wrong)
     node_hypotheses += list(_repeated_load_inversions(net, target, pattern))
     return node_hypotheses + [h for node in inside for h in _load_replacements(net, target, node, loaded)]
 
 
-def _values(net, rows, target, wrong):
+def _value_sources(net, rows, target, wrong):
     """[(cause, node)] of what has the design's value in all wrong rows: a number, a register, an input, a parameter."""
     got, model_nodes = target.got[wrong], net.nodes[: net.model_size]
     matches = [("constant", net.const(got[0]))] if np.all(got == got[0]) else []

@@ -120,7 +120,7 @@ def align_column(scope, columns, port):
     if not k:
         return column
     order = np.minimum(np.arange(len(column.values)) + k, len(column.values) - 1)
-    return type(column)(column.values[order], column.known[order])
+    return type(column)(column.values[order], column.valid[order])
 
 
 def delayed_rows(scope):

@@ -44,8 +44,8 @@ def _wires():
 @functools.cache
 def _instances():
     """{instance: stem} of top and control, the longest name first."""
-    found = {name: module.__name__.rpartition(".")[2] for name, (module, _) in wiring.instances().items()}
-    return dict(sorted(found.items(), key=lambda item: -len(item[0])))
+    stems = {name: module.__name__.rpartition(".")[2] for name, (module, _) in wiring.instances().items()}
+    return dict(sorted(stems.items(), key=lambda item: -len(item[0])))
 
 
 def _owner(port):

@@ -16,7 +16,7 @@ from testbench.tool import run_tool
 
 BITS = re.compile(r'"([01XZ]+)"')
 CASE = re.compile(r"^    case \((\w+)\)\n((?:      .*\n)+)    endcase\n", re.M)
-OTHERS = re.compile(r"^  with (\w+) select (\w+) <=\n(?:    .*,\n)*    (.+) when others;\n", re.M)
+SELECT = re.compile(r"^  with (\w+) select (\w+) <=\n(?:    .*,\n)*    (.+) when others;\n", re.M)
 
 
 def _verilog_literal(text):
@@ -34,7 +34,7 @@ def repair_netlist(verilog, vhdl):
     GHDL 2.0 writes constants of more than 32 bits as text, and leaves `when others` out (its issues 2002 and 2041).
     ValueError if both texts are not of one netlist
     """
-    default_branches = iter(OTHERS.findall(vhdl))
+    default_branches = iter(SELECT.findall(vhdl))
 
     def complete_case(case_match):
         selector, branches = case_match[1], case_match[2]

@@ -32,7 +32,7 @@ LEAST_SIGMA_DPS = 1e-9  # of equal runs
 ANALOG = ("DAC response", "output pole")  # rows of the budget behind the pins
 DETECTION = Path(__file__).with_name("detection.json")
 PASSED, FAILED, OPEN = "pass", "FAIL", "not resolved"
-NOT_SHOWN = (
+PASS_LIMITS = (
     "A PASS does not show: inputs that this scenario does not have; words that no DAC showed; results that round or "
     "saturate in another way where no code of this run tells. The vectors of the blocks do (gyro golden check)."
 )
@@ -53,7 +53,7 @@ def pass_caveat():
         f"{kind} {detected} of {planted}" for _, kind, planted, detected in missed if detected < planted
     )
     faults, detections = planted_counts["faults"], planted_counts["seen"]
-    return f"{NOT_SHOWN} Of {faults} planted faults a loop of pins saw {detections}: {missed_text}."
+    return f"{PASS_LIMITS} Of {faults} planted faults a loop of pins saw {detections}: {missed_text}."
 
 
 class Line(NamedTuple):

@@ -32,9 +32,9 @@ from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves
 from testbench.golden.bundles import benches
 from testbench.golden.foreign import adapter, design_map
-from testbench.golden.foreign.sources import read_source_list
+from testbench.golden.foreign.rtl_sources import read_source_list
 from testbench.golden.loop.from_vhdl import synthesise_vhdl
-from testbench.golden.recording import board, board_pins
+from testbench.golden.recording import board_pins, board_recording
 from testbench.golden.stimulus.blocks import RESET_INPUT, port_name
 from testbench.storage.files import write_text
 from testbench.tool import run_tool
@@ -72,7 +72,7 @@ class Face(NamedTuple):
 
     top: str
     inputs: dict
-    seen: tuple
+    observed_ports: tuple
     pins: tuple
     ldacs: tuple
     optional: tuple = ()
@@ -104,10 +104,18 @@ def register_face(design):
 def pin_face(name, params, chips):
     """`Face` of a top called `name` that has the pins of the board alone; `params` and `chips` of the board."""
     ports = PORTS[len(REGISTERS) :]
-    seen = tuple((len(REGISTERS) + k, *port) for k, port in enumerate(zip(ports, top.PINS_FMT, strict=True)))
+    observed_ports = tuple((len(REGISTERS) + k, *port) for k, port in enumerate(zip(ports, top.PINS_FMT, strict=True)))
     ldacs = tuple(f"o_{role}_ldac_n" if getattr(chips, role).has_ldac else None for role in ("drive", "quadrature"))
     read = {NAMES.index(data): tuple(map(NAMES.index, chip)) for data, chip in board_pins.READ.items()}
-    return Face(name, _bench_input_ports(), seen, ports, ldacs, UNUSED["digital" if params.digital else "analog"], read)
+    return Face(
+        name,
+        _bench_input_ports(),
+        observed_ports,
+        ports,
+        ldacs,
+        UNUSED["digital" if params.digital else "analog"],
+        read,
+    )
 
 
 def _differs(face, signal_index, fmt, texts):
@@ -129,7 +137,7 @@ def driver(face, top_ports):
     bits = [(f"top.{port}", at) for port, at in zip(face.pins, PIN_AT, strict=True)]
     bits += [("1" if name is None else f"top.{name}", LDACS_AT + k) for k, name in enumerate(face.ldacs)]
     packed = " |\n           ".join(f"(int64_t){text} << {at}" for text, at in bits)
-    compared_ports = [(k, f"top.{port}", fmt) for k, port, fmt in face.seen]
+    compared_ports = [(k, f"top.{port}", fmt) for k, port, fmt in face.observed_ports]
     texts = {k: text for k, text, _ in compared_ports}
     wrong = [(k, _differs(face, k, fmt, texts)) for k, _, fmt in compared_ports]
     tests = "\n".join(f"    d |= {text};" for _, text in wrong)
@@ -210,7 +218,7 @@ def check_ports(face, declared, what):
     declared  {port: (IN or OUT, width)} of the top
     """
     required_ports = {port: ("IN", width) for port, width in face.inputs.values()}
-    required_ports |= {port: ("OUT", fmt.width) for _, port, fmt in face.seen}
+    required_ports |= {port: ("OUT", fmt.width) for _, port, fmt in face.observed_ports}
     required_ports |= {port: ("OUT", 1) for port in face.ldacs if port}
     optional = {face.inputs[name][0] for name in face.optional}
     absent = sorted(set(required_ports) - set(declared) - optional)
@@ -244,7 +252,7 @@ def manifest(face):
     inputs = [
         {"name": n, "width": w, "signed": n.startswith("sample")} for n, (_, w) in face.inputs.items() if n != CLOCK
     ]
-    output_widths = {port: fmt.width for _, port, fmt in face.seen} | {port: 1 for port in face.ldacs if port}
+    output_widths = {port: fmt.width for _, port, fmt in face.observed_ports} | {port: 1 for port in face.ldacs if port}
     outputs = [{"name": port.removeprefix("o_"), "width": width, "signed": 0} for port, width in output_widths.items()]
     levels = {"pins": list(output_widths), "outputs": list(output_widths)}
     return {"block": "board", "case": "loop", "inputs": inputs, "registers": [], "outputs": outputs, "levels": levels,
@@ -299,8 +307,12 @@ def build(rtl, params, folder, level=2, face=None, source_arguments=None):
         face, source_arguments = register_face(params.design), sources(rtl)
         what = source_arguments[-1]
         folder.mkdir(parents=True, exist_ok=True)
-        parameter_options = [f"-G{name}={width}'h{raw:x}" for name, width, raw in board.top_parameters(params)]
-        parameter_options += [f'-G{name}="{path}"' for name, path in board.write_roms(folder, params.design).items()]
+        parameter_options = [
+            f"-G{name}={width}'h{raw:x}" for name, width, raw in board_recording.top_parameters(params)
+        ]
+        parameter_options += [
+            f'-G{name}="{path}"' for name, path in board_recording.write_roms(folder, params.design).items()
+        ]
     else:
         what = f"{rtl}: {face.top}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -329,7 +341,7 @@ class Design:
     """
 
     def __init__(self, path, face=None, folder="."):
-        self.places = ALL if face is None else tuple(signal_index for signal_index, _, _ in face.seen)
+        self.signal_indices = ALL if face is None else tuple(signal_index for signal_index, _, _ in face.observed_ports)
         self._folder = folder
         self._data = {} if face is None else face.read
         self._library = ctypes.CDLL(str(path))
@@ -367,7 +379,7 @@ class Design:
     def differing(self, expected, got):
         """Places in which two rows differ, as `gyro_differs` judges them."""
         unread = {k for k, (select_n, running) in self._data.items() if got[select_n] or not got[running]}
-        return [k for k in self.places if expected[k] != got[k] and k not in unread]
+        return [k for k in self.signal_indices if expected[k] != got[k] and k not in unread]
 
     def __enter__(self):
         return self

@@ -5,9 +5,9 @@
     after edge n    the converters see the RTL's pins; DAC codes and reference edges act on the plant at their clocks
 
 Ticks and streams are those of the clocked engine. The first difference ends the run, before the
-edge whose row it stands in. That is mode BESIDE; in the others nothing is compared:
+edge whose row it stands in. That is mode COMPARE; in the others nothing is compared:
 
-    ALONE   the RTL drives the plant, and no model is stepped
+    RTL_ONLY   the RTL drives the plant, and no model is stepped
     MODEL   the model drives the plant
 
 Then the rows of frames have the codes that the ADC sent, and the streams every reference edge: clock, pin, level.
@@ -30,10 +30,10 @@ from testbench.engines import engine
 from testbench.flatten import store
 from testbench.golden.loop.library import INPUTS, LDACS_AT, NAMES, REFS_AT, REGISTERS
 
-KEPT = 8  # rows that stay, for a report: a power of two
-BESIDE, ALONE, MODEL = range(3)
-COUNT, PLACES = len(REGISTERS), len(NAMES)
-GIVEN = len(INPUTS)
+BUFFER_ROWS = 8  # rows that stay, for a report: a power of two
+COMPARE, RTL_ONLY, MODEL = range(3)
+COUNT, SIGNAL_COUNT = len(REGISTERS), len(NAMES)
+INPUT_COUNT = len(INPUTS)
 REFS_MASK = 15
 CONVERSION = 2 + adc_serial.CHANNELS
 
@@ -44,9 +44,9 @@ class Rtl(NamedTuple):
     handle: int
     edge: int
     differs: int
-    given: np.ndarray  # int64 (GIVEN,): inputs of an edge
-    rows: np.ndarray  # int64 (KEPT, PLACES): the model's last rows, row n at n % KEPT
-    found: np.ndarray  # int64 (4,): row and place of the first difference, pins now, rows compared
+    edge_inputs: np.ndarray  # int64 (INPUT_COUNT,): inputs of an edge
+    rows: np.ndarray  # int64 (BUFFER_ROWS, SIGNAL_COUNT): the model's last rows, row n at n % BUFFER_ROWS
+    comparison_state: np.ndarray  # int64 (4,): row and place of the first difference, pins now, rows compared
     latched: np.ndarray  # int64 (2,): clock of a tick at which drive and sense DAC changed last
     mode: int
     conversions: np.ndarray  # int64 (n, CONVERSION): of a chunk; clock of the end, status, eight codes
@@ -54,9 +54,9 @@ class Rtl(NamedTuple):
     count: np.ndarray  # int64 (1,): conversions
 
 
-def connect_rtl(design, mode=BESIDE):
+def connect_rtl(design, mode=COMPARE):
     """`Rtl` of a design that has just been reset; None for mode MODEL."""
-    edge_inputs, rows = np.zeros(GIVEN, np.int64), np.zeros((KEPT, PLACES), np.int64)
+    edge_inputs, rows = np.zeros(INPUT_COUNT, np.int64), np.zeros((BUFFER_ROWS, SIGNAL_COUNT), np.int64)
     design_handles = (0, 0, 0) if design is None else (design.handle, design.edge, design.differs)
     pins = 0 if design is None else design.pins
     comparison_state = np.array([-1, -1, pins, 0], np.int64)
@@ -139,13 +139,13 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
     begin, faults = chunk.begin, chunk.faults
     clocks, frame_ticks = p.fpga.design.tick_clocks, p.fpga.design.frame_ticks
     word_bits = p.fpga.design.adc_word_bits
-    pins = rtl.found[2]
+    pins = rtl.comparison_state[2]
     refs = (pins >> REFS_AT) & REFS_MASK
     for tick in range(begin, end):
         if tick % frame_ticks == 0:
             engine.begin_frame(p, f, chips, a, chunk, tick)
             n = tick // frame_ticks - (begin + frame_ticks - 1) // frame_ticks
-            if rtl.mode != BESIDE and n < chunk.o.frames.shape[0]:
+            if rtl.mode != COMPARE and n < chunk.o.frames.shape[0]:
                 store(chunk.o.frames[n], engine.codes_before(chips))
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
@@ -158,26 +158,26 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(clocks):
             at = tick * clocks + c
-            if rtl.mode == BESIDE:
-                row = rtl.rows[at & (KEPT - 1)]
+            if rtl.mode == COMPARE:
+                row = rtl.rows[at & (BUFFER_ROWS - 1)]
                 store(row, f)
                 store(row[COUNT:], fpga.pins(p.fpga, f))
                 difference_index = call(rtl.differs, rtl.handle, row)
                 if difference_index >= 0:
-                    rtl.found[0], rtl.found[1] = at, difference_index
+                    rtl.comparison_state[0], rtl.comparison_state[1] = at, difference_index
                     return f, chips, drdy_cycle
             write = chunk.write if at == begin * clocks else 0
             i = fpga.Inputs(
                 chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, write, chunk.address, chunk.data
             )
-            if rtl.mode != ALONE:
+            if rtl.mode != RTL_ONLY:
                 f = fpga.step(p.fpga, p.rom, f, i)
             if rtl.mode == MODEL:
                 pins = _pack_pins(fpga.pins(p.fpga, f), fpga.other_ldacs(f))
             else:
-                store(rtl.given[1:], i)
-                rtl.given[0] = 0
-                pins = call(rtl.edge, rtl.handle, rtl.given)
+                store(rtl.edge_inputs[1:], i)
+                rtl.edge_inputs[0] = 0
+                pins = call(rtl.edge, rtl.handle, rtl.edge_inputs)
             loaded = 1 if c == drdy_cycle and faults.silent == 0 else 0
             if loaded and rtl.count[0] < rtl.conversions.shape[0]:
                 store(rtl.conversions[rtl.count[0]], (at, faults.status, codes))
@@ -192,10 +192,10 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 rtl.latched[1] = c
             now = (pins >> REFS_AT) & REFS_MASK
             if now != refs:
-                probed = rtl.mode != BESIDE
+                probed = rtl.mode != COMPARE
                 edge_count = engine.changed_references(chunk.edges, edge_count, chunk.o, probed, c, at, refs, now)
                 refs = now
         drdy_cycle = engine.end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)[0]
-    rtl.found[2] = pins
-    rtl.found[3] += (end - begin) * clocks
+    rtl.comparison_state[2] = pins
+    rtl.comparison_state[3] += (end - begin) * clocks
     return f, chips, drdy_cycle

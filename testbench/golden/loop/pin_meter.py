@@ -155,7 +155,7 @@ def _lag(plateaus, grid_turns):
         return 0.0, np.inf
     # the sign of a rate turns its force over: modulo half a turn
     pins = [pins[0][0] + (errors - pins[0][0] + 0.25) % 0.5 - 0.25 for errors in pins]
-    common_lag_turns = nodes.pin_lag(*pins, grid_turns).even
+    common_lag_turns = nodes.pin_lag(*pins, grid_turns).mean_lag
     # edges leave room within their grid, or the noise of the force widens it: either leaves the middle in doubt
     doubt = abs(grid_turns - np.ptp(np.concatenate(pins))) / np.sqrt(12.0)
     return float((-360.0 * common_lag_turns + 90.0) % 180.0 - 90.0), float(360.0 * doubt)

@@ -22,7 +22,7 @@ from testbench.engines import chips, engine
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import after_divergence, judgement, library, lockstep, pin_meter
-from testbench.golden.recording import board, replay
+from testbench.golden.recording import board_recording, replay_recording
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
 
@@ -30,7 +30,7 @@ SECONDS = 3.0
 STEP_DPS, STEPS_S, FAULT_S, FAULT_LENGTH_S = 300.0, (1.5, 1.8, 2.1), 2.4, 0.003
 STORY_KEYS = ("origin", "seconds", "rate_dps", "rate_shape", "faults")
 EDGE_TICKS, EDGES = 8, 64  # a chunk has fewer reference edges than one in so many ticks, and some
-SHOWN = 8  # registers of a difference that a text lists
+PRINTED_REGISTERS = 8  # registers of a difference that a text lists
 
 
 class Pins(NamedTuple):
@@ -67,9 +67,9 @@ class Recorded(NamedTuple):
     """
 
     params: fpga.Params
-    stimulus: replay.Stimulus
+    stimulus: replay_recording.Stimulus
     continuation: after_divergence.Continuation
-    places: tuple
+    signal_indices: tuple
 
 
 class Difference(Exception):
@@ -93,9 +93,11 @@ class Difference(Exception):
         name, expected, got = self.wrong[0]
         lines = [f"tick {self.tick}, clock {self.clock} ({self.us:.3f} us): {name}: "
                  f"expected {expected}, got {got}"]  # fmt: skip
-        lines += [f"  also {name}: expected {expected}, got {got}" for name, expected, got in self.wrong[1:SHOWN]]
-        if len(self.wrong) > SHOWN:
-            lines.append(f"  and {len(self.wrong) - SHOWN} more")
+        lines += [
+            f"  also {name}: expected {expected}, got {got}" for name, expected, got in self.wrong[1:PRINTED_REGISTERS]
+        ]
+        if len(self.wrong) > PRINTED_REGISTERS:
+            lines.append(f"  and {len(self.wrong) - PRINTED_REGISTERS} more")
         model_values = self.before[:, library.NAMES.index(name)].tolist()
         lines.append(f"  {name} in the model, up to here: {', '.join(map(str, model_values))}")
         return "\n".join(lines)
@@ -138,7 +140,7 @@ class Loop(Simulation):
     @property
     def compared_row_count(self):
         """Rows that were compared, of `library.Design.places`."""
-        return int(self.rtl.found[3])
+        return int(self.rtl.comparison_state[3])
 
     def _lockstep(self, p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
         edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
@@ -154,35 +156,35 @@ class Loop(Simulation):
             self._host.append((s.tick * self.design.tick_clocks, 0, *host[1:]))
         f, chips, drdy_cycle = lockstep.ticks(p, s.fpga, s.chips, s.plant, chunk, end, s.drdy_cycle, rtl)
         self._adc.append(rtl.conversions[: int(rtl.count[0])])
-        if self.rtl.found[0] >= 0:
-            self._stop(int(self.rtl.found[0]), chips.adc)
+        if self.rtl.comparison_state[0] >= 0:
+            self._stop(int(self.rtl.comparison_state[0]), chips.adc)
         return engine.State(f, chips, s.plant, end, drdy_cycle)
 
     def _stop(self, row, converter):
-        expected, got = self.rtl.rows[row % lockstep.KEPT], self.library.read()
+        expected, got = self.rtl.rows[row % lockstep.BUFFER_ROWS], self.library.read()
         differing_signals = self.library.differing(expected, got)
         wrong = [(library.NAMES[k], int(expected[k]), int(got[k])) for k in differing_signals]
-        first = max(0, row - lockstep.KEPT + 1)
-        before = np.stack([self.rtl.rows[n % lockstep.KEPT] for n in range(first, row + 1)])
+        first = max(0, row - lockstep.BUFFER_ROWS + 1)
+        before = np.stack([self.rtl.rows[n % lockstep.BUFFER_ROWS] for n in range(first, row + 1)])
         raise Difference(row, wrong, before.copy(), self.design, self._collect_observation(row, converter))
 
     def _collect_observation(self, row, converter):
         """`Recorded` of a row that differs; `converter` is the state of the ADC's pins there."""
         host = np.array(self._host, np.int64).reshape(-1, 4)
-        stimulus = replay.Stimulus(np.concatenate(self._adc), host, np.concatenate(self._sar))
+        stimulus = replay_recording.Stimulus(np.concatenate(self._adc), host, np.concatenate(self._sar))
         stimulus = after_divergence.extend_stimulus(stimulus, row, self.design)
         rows = after_divergence.simulate_continuation(self.library, converter, stimulus, row, self.design)
-        return Recorded(self.params.fpga, stimulus, rows, self.library.places)
+        return Recorded(self.params.fpga, stimulus, rows, self.library.signal_indices)
 
     def finish(self):
         """Compare what the last edge left; raises Difference."""
         s = self.state
         values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
         row = s.tick * self.design.tick_clocks
-        self.rtl.rows[row % lockstep.KEPT] = values
+        self.rtl.rows[row % lockstep.BUFFER_ROWS] = values
         if self.library.differing(values, self.library.read()):
             self._stop(row, s.chips.adc)
-        self.rtl.found[3] += 1
+        self.rtl.comparison_state[3] += 1
 
 
 class PinCaptureLoop(Loop):
@@ -190,7 +192,7 @@ class PinCaptureLoop(Loop):
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, design, firmware):
         super().__init__(config, temp_lo_degc, temp_hi_degc, design, firmware)
-        self.rtl = lockstep.connect_rtl(design, lockstep.MODEL if design is None else lockstep.ALONE)
+        self.rtl = lockstep.connect_rtl(design, lockstep.MODEL if design is None else lockstep.RTL_ONLY)
         self.keep_rows = True
         self._kept = []
 
@@ -282,7 +284,7 @@ def run_lockstep(config, design, firmware, progress=None):
         flags=tuple(name for k, name in enumerate(fault_monitor.NAMES) if sim.seen.flags >> k & 1),
         codes_sha256=sim.codes_sha256(),
         run_s=time.perf_counter() - began,
-        registers=sum(signal_index < len(library.REGISTERS) for signal_index in design.places),
+        registers=sum(signal_index < len(library.REGISTERS) for signal_index in design.signal_indices),
         difference=difference,
     )
 
@@ -342,7 +344,7 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=No
     """
     firmware = firmware or build.firmware(config)
     if pins is None:
-        board.check(firmware)
+        board_recording.check(firmware)
     face, at, source_arguments = None, ".", None
     with tempfile.TemporaryDirectory(prefix="gyro-loop-") as temporary:
         if progress:

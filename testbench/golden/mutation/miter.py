@@ -64,8 +64,8 @@ class Net:
     def copy(self, graph, leaves):
         """(literals of the outputs, next literals of the flip-flops) of a `aig.Graph` with given leaves."""
         at = [0, *leaves]
-        for left, right in graph.ands.tolist():
-            at.append(self.both(at[left >> 1] ^ (left & 1), at[right >> 1] ^ (right & 1)))
+        for lhs, rhs in graph.ands.tolist():
+            at.append(self.both(at[lhs >> 1] ^ (lhs & 1), at[rhs >> 1] ^ (rhs & 1)))
         outs, following = graph.out_literals.tolist(), graph.latches.tolist()
         return [at[x >> 1] ^ (x & 1) for x in outs], [at[x >> 1] ^ (x & 1) for x in following]
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import benches, bundle, design_entry
-from testbench.golden.mutation import aig, judge
+from testbench.golden.mutation import aig, mutant_judge
 from testbench.golden.mutation.miter import compact
 from testbench.golden.ranges import ranges
 from testbench.golden.stimulus import blocks
@@ -33,7 +33,7 @@ MAX_COUNT = 10_000
 SURPLUS = 3  # faults asked for per fault wanted: those on clock pins are dropped
 SELECT = "gyro_mutant"
 CLOCK_PINS = (" -port CLK", " -port clk")  # of cells, of the blocks in the whole design
-TOOLS = judge.TOOLS
+TOOLS = mutant_judge.TOOLS
 
 
 class Mutant(NamedTuple):
@@ -195,7 +195,7 @@ def proven_register_ranges(manifest):
 # ---- all together --------------------------------------------------------------------------------------------------
 
 
-def score(folder, rtl, count=COUNT, seed=SEED, keep=None):
+def score_bundle(folder, rtl, count=COUNT, seed=SEED, keep=None):
     """Outcome of a bundle for the design in the folder `rtl`.
 
     count  faults wanted; a small design may have fewer
@@ -222,7 +222,7 @@ def score(folder, rtl, count=COUNT, seed=SEED, keep=None):
         graph = insert_faults(mutants, work, what)
         first, initial_state = simulate(folder, manifest, graph, [m.number for m in mutants])
         alive = [m for m in mutants if first[m.number] < 0]
-        fault_judge = judge.Judge(
+        fault_judge = mutant_judge.Judge(
             graph, SELECT, initial_state, manifest["block"], work, lambda: proven_register_ranges(manifest)
         )
         verdicts = [fault_judge.verdict(m.number) for m in alive]

@@ -24,9 +24,9 @@ from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError, FileError
 from testbench.golden.coverage import unreachable
 from testbench.golden.loop import library
-from testbench.golden.mutation import judge
+from testbench.golden.mutation import mutant_judge
 from testbench.golden.mutation.mutate import SEED, SELECT, TOOLS, Outcome, choose, insert_faults
-from testbench.golden.recording import board, recording, replay
+from testbench.golden.recording import board_recording, recording, replay_recording
 from testbench.golden.stimulus.blocks import RESET_INPUT
 from testbench.tool import run_tool
 
@@ -43,13 +43,13 @@ LOOPS = ("agc", "frequency_tracker", "rate_loop", "quadrature_loop")
 def _prepare(params, rtl, work):
     """base.il: gyro_top as `mutable`, its blocks as modules of their own."""
     files = library.sources(rtl)
-    roms = board.write_roms(work)
+    roms = board_recording.write_roms(work)
     for path in files:
         # this front end takes no text as a parameter from outside
         source_text = re.sub(ROM, lambda found: f'{found[1]}{found[2]}= "{roms[found[1]]}"', path.read_text())
         (work / path.name).write_text(source_text)
     text = (work / "top.v").read_text()
-    for name, width, raw in board.top_parameters(params):
+    for name, width, raw in board_recording.top_parameters(params):
         # a text of its own: the design's own default takes the place of parameters from outside
         kind = "sh" if re.search(rf"parameter\s+signed\s[^=\n]*\b{name}\s*=", text) else "h"
         text, count = re.subn(rf"(parameter[^=\n]*\b{name}\s*= )[^,\s]+", rf"\g<1>{width}'{kind}{raw:x}", text)
@@ -138,13 +138,15 @@ class _Design:
     def build(self, mutants):
         """Put faults in; they can then be judged."""
         graph = insert_faults(mutants, self._work, "top", FLAT)
-        start = replay.run(self.r.params, self.r.stimulus, 1, np.arange(1))
-        where = self._map_leaves(graph, judge.copy_design(graph, graph.inputs[SELECT], 0)[0])
+        start = replay_recording.run(self.r.params, self.r.stimulus, 1, np.arange(1))
+        where = self._map_leaves(graph, mutant_judge.copy_design(graph, graph.inputs[SELECT], 0)[0])
         reset = [0] * len(graph.latches)
         for (column, bit, flip), leaf in where:
             if leaf > graph.in_count:
-                reset[leaf - graph.in_count - 1] = int(start.registers[0, column - replay.INPUTS] >> bit & 1) ^ flip
-        self.judge = judge.Judge(graph, SELECT, reset, "top", self._work, lambda: _ranges(self.r.params))
+                reset[leaf - graph.in_count - 1] = (
+                    int(start.registers[0, column - replay_recording.INPUTS] >> bit & 1) ^ flip
+                )
+        self.judge = mutant_judge.Judge(graph, SELECT, reset, "top", self._work, lambda: _ranges(self.r.params))
         self._graph, self._where = graph, where
 
     def _map_leaves(self, graph, outs):
@@ -166,7 +168,7 @@ class _Design:
                 leaf, flip = divmod(outs[position], 2)
                 if first <= leaf < first + len(graph.latches):
                     mapped_leaves.add(leaf)
-                    sources.append(((replay.INPUTS + column, bit, flip), leaf))
+                    sources.append(((replay_recording.INPUTS + column, bit, flip), leaf))
         if len(mapped_leaves) < len(graph.latches):
             raise FileError(f"top.v: {len(graph.latches) - len(mapped_leaves)} of its flip-flops are in no port r_NAME")
         return sources
@@ -176,7 +178,9 @@ class _Design:
         size, end = CHUNK * FRAME_CYCLES, self.r.frames * FRAME_CYCLES
         for begin in range(0, end, size):
             stop = min(begin + size + 1, end)
-            rows = replay.run(self.r.params, self.r.stimulus, -(-stop // FRAME_CYCLES), np.arange(begin, stop))
+            rows = replay_recording.run(
+                self.r.params, self.r.stimulus, -(-stop // FRAME_CYCLES), np.arange(begin, stop)
+            )
             yield begin, np.column_stack([rows.inputs, rows.registers]), rows.pins
 
     def check(self, rows, pins):
@@ -239,7 +243,7 @@ def _find_killed_faults(design, mutants):
     return killed
 
 
-def score(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
+def score_wiring(rtl, cases=CASES, count=COUNT, seed=SEED, keep=None):
     """`mutate.Outcome` of the wiring of the design in folder `rtl`, over the recordings `cases` together.
 
     Raises ConfigError for a bad number or a missing tool, FileError for a failing or missing design.

@@ -22,7 +22,7 @@ from typing import NamedTuple
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import design_entry
 from testbench.golden.bundles.benches import layout
-from testbench.golden.foreign import adapter, design_map, sources
+from testbench.golden.foreign import adapter, design_map, rtl_sources
 from testbench.golden.foreign.choice import AS_OURS
 from testbench.golden.stimulus import blocks, levels
 from testbench.tool import run_tool
@@ -98,7 +98,7 @@ def _checker_ports(text):
 class _Design(NamedTuple):
     """What is proven: sources, ports that the level judges, and a wrapper (module, text) if the names are its own."""
 
-    sources: sources.Sources
+    sources: rtl_sources.Sources
     ports: tuple
     module: str
     wrapper: str
@@ -115,10 +115,10 @@ def _design(block, case, rtl, choice):
         if port_map.style == "none":
             raise ConfigError(f"{choice.map}: reset.style: 'none': an induction begins with a reset")
     if choice.files is not None:
-        candidate_sources = [sources.read_source_list(choice.files)]
+        candidate_sources = [rtl_sources.read_source_list(choice.files)]
     else:
-        candidate_sources = sources.folder_sources(rtl, block.stem) or (
-            sources.folder_sources(rtl, port_map.top) if port_map else []
+        candidate_sources = rtl_sources.folder_sources(rtl, block.stem) or (
+            rtl_sources.folder_sources(rtl, port_map.top) if port_map else []
         )
     candidate_sources = [candidate for candidate in candidate_sources if candidate.language == "verilog"]
     if not candidate_sources:
@@ -133,7 +133,7 @@ def _top(block, case, checker, design):
     settings = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)]
     declared = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
     inputs = [("clk", 1), *((p.name, p.width) for p in block.columns)]
-    result_ports = [(name, p.width) for name, p in layout.results(block)]
+    result_ports = [(name, p.width) for name, p in layout.result_pairs(block)]
     widths = dict(inputs + result_ports)
     for name, width in _checker_ports(checker):
         if widths.get(name) != width:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from testbench.config import Config, changed
 from testbench.errors import ConfigError
 from testbench.golden.loop.library import sources
-from testbench.golden.recording import board
+from testbench.golden.recording import board_recording
 from testbench.run import build
 from testbench.storage.files import write_text
 from testbench.tool import run_tool
@@ -54,14 +54,14 @@ def script(files, family):
     """Commands for yosys; `family` None stops after the checks of the front end."""
     lines = [f"read_verilog -defer {path}" for path in files]
     lines += [
-        f"read_verilog {board.MODULE}.v",
-        f"hierarchy -check -top {board.MODULE}",
+        f"read_verilog {board_recording.MODULE}.v",
+        f"hierarchy -check -top {board_recording.MODULE}",
         "proc; flatten; opt; check -assert",
         f"select -assert-none {FORBIDDEN}",
     ]
     if family:
         lines += [
-            f"{MAPPERS[family]} -top {board.MODULE}",
+            f"{MAPPERS[family]} -top {board_recording.MODULE}",
             f"check -assert; select -assert-none {MAPPED_LATCHES}",
             "tee -q -o cells.json stat -json",
         ]
@@ -87,9 +87,9 @@ def synthesise(rtl, family=None, name="analog", folder=None):
     with tempfile.TemporaryDirectory(prefix="gyro-synth-") as temporary:
         work = Path(folder or temporary).resolve()
         work.mkdir(parents=True, exist_ok=True)
-        board.write(work, build.firmware(config))
+        board_recording.write(work, build.firmware(config))
         write_text(work / "synth.ys", script(sources(rtl), family))
         run_tool(["yosys", "-q", "synth.ys"], work, f"{rtl}: synthesis for {family or 'no family'}, board {name}")
         cells = json.loads((work / "cells.json").read_text()) if family else None
-    cell_counts = cells["modules"][f"\\{board.MODULE}"]["num_cells_by_type"] if cells else {}
+    cell_counts = cells["modules"][f"\\{board_recording.MODULE}"]["num_cells_by_type"] if cells else {}
     return Netlist(family, name, cell_counts, cells["creator"] if cells else "", time.perf_counter() - began)

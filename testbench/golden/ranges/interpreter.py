@@ -48,7 +48,7 @@ class Source(NamedTuple):
 
 
 @cache
-def source(func):
+def source_tree(func):
     """Tree of a function, compiled or not."""
     plain = getattr(func, "py_func", func)
     text = textwrap.dedent(inspect.getsource(plain))
@@ -362,7 +362,7 @@ class Interpreter:
 
     def function(self, func, positional, keywords, path):
         """Ways through a function, joined where they return the same constant or no constant at all."""
-        function_source = source(func)
+        function_source = source_tree(func)
         parameters = [item.arg for item in function_source.tree.args.args]
         env = {**dict(zip(parameters, positional)), **keywords}
         self.where.append(function_source)

@@ -24,7 +24,7 @@ from testbench.golden.ranges.intervals import Lin, Path, Run
 from testbench.golden.stimulus import blocks
 
 # Parts of a block whose control state the block's own boxes know
-SPLIT_FUNCTIONS = tuple(module.step for module in block_modules().values() if module.BLOCK.apart)
+SPLIT_FUNCTIONS = tuple(module.step for module in block_modules().values() if module.BLOCK.separate_paths)
 PLAIN_JOINS = 3  # joins of a box before it is widened
 NARROWINGS = 5
 FAR = 1 << 62

@@ -14,7 +14,7 @@ from testbench.golden.recording import signature
 
 # data pin: what selects its chip (active low), and what says that SCLK runs
 READ = {f"{role}_sdin": (f"{role}_sync_n", f"{role}_sclk_en") for role in ("drive", "sense", "quadrature")}
-PLACE = top.Pins._fields.index
+PIN_INDEX = top.Pins._fields.index
 WIDTHS = tuple(fmt.width for fmt in top.PINS_FMT)
 
 
@@ -22,7 +22,7 @@ def read(pins):
     """Rows of pins, with 0 where no chip reads a data pin."""
     board_rows = pins.copy()
     for data, (select_n, running) in READ.items():
-        board_rows[:, PLACE(data)] &= ~pins[:, PLACE(select_n)] & pins[:, PLACE(running)]
+        board_rows[:, PIN_INDEX(data)] &= ~pins[:, PIN_INDEX(select_n)] & pins[:, PIN_INDEX(running)]
     return board_rows
 
 
@@ -44,7 +44,7 @@ class Board:
         at = first + np.arange(len(pins))
         age = at - 1 - resets[np.searchsorted(resets, at) - 1]
         for name, k in self.clocks.items():
-            board_rows[:, PLACE(name)] = np.where(age < k, 0, rows[most - k : len(rows) - k, PLACE(name)])
+            board_rows[:, PIN_INDEX(name)] = np.where(age < k, 0, rows[most - k : len(rows) - k, PIN_INDEX(name)])
         return board_rows
 
     @staticmethod

@@ -11,7 +11,7 @@ from pathlib import Path
 from fpga_model import host, registers, top
 from fpga_model.fixed import formats
 from testbench.flatten import format_leaves
-from testbench.golden.recording import board
+from testbench.golden.recording import board_recording
 from testbench.golden.stimulus.blocks import RESET_INPUT, port_name
 from testbench.storage.files import write_text
 
@@ -23,8 +23,8 @@ HEAD, TAIL = "\n);\n", "\n    );\n\nendmodule\n"
 
 def read_paths(design):
     """{dotted path: format} of the firmware's registers that the port reads."""
-    known = dict(format_leaves(formats(top.State, design)))
-    return {path: known[path] for path in (*(r.path for r in registers.MAP if r.path), *READ)}
+    register_formats = dict(format_leaves(formats(top.State, design)))
+    return {path: register_formats[path] for path in (*(r.path for r in registers.MAP if r.path), *READ)}
 
 
 def _vector_prefix(width):
@@ -36,7 +36,9 @@ def text(params, port=host):
     name = port.__name__.rpartition(".")[2]
     widths = {port_name(path): fmt.width for path, fmt in read_paths(params.design).items()}
     bus = {name: fmt.width for name, fmt in zip(top.Inputs._fields, top.INPUTS_FMT, strict=True) if name in BUS}
-    lines = [line for line in board.text(params).split("\n") if line.split()[-1:] not in ([f"{n},"] for n in bus)]
+    lines = [
+        line for line in board_recording.text(params).split("\n") if line.split()[-1:] not in ([f"{n},"] for n in bus)
+    ]
     verilog = "\n".join(lines)
     pins = [f"    input wire {_vector_prefix(fmt.width)}{pin}" for pin, fmt in port.INPUTS_FMT._asdict().items()]
     pins += [f"    output wire {_vector_prefix(fmt.width)}o_{pin}" for pin, fmt in port.PINS_FMT._asdict().items()]
@@ -53,6 +55,6 @@ def text(params, port=host):
 
 def write(folder, params, port=host):
     """Write the board's files; returns the path of gyro_board.v."""
-    path = board.write(folder, params)
+    path = board_recording.write(folder, params)
     write_text(Path(path), text(params, port))
     return path

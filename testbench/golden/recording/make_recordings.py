@@ -41,7 +41,7 @@ from testbench import config
 from testbench.engines import engine
 from testbench.errors import FileError
 from testbench.flatten import leaves, names
-from testbench.golden.recording import recording, registers_case, replay
+from testbench.golden.recording import recording, registers_case, replay_recording
 from testbench.golden.recording.recording import Recording, Window
 from testbench.golden.stimulus.writer import Random
 from testbench.run import build
@@ -63,7 +63,7 @@ QUICK = {
     "firmware.phase_drive_sine_deg": 0.03,
     "firmware.phase_sense_sine_deg": -0.02,
 }
-SHOWN = 160  # clocks of a window: 8 kHz work, and the DAC frames that follow
+WINDOW_CLOCKS = 160  # clocks of a window: 8 kHz work, and the DAC frames that follow
 BEFORE = 10
 
 
@@ -201,7 +201,7 @@ def record_closed_loop(name, case, progress=None):
             words = [int(word) for word in state.chips.adc.result]
             codes = [word - (1 << 24) if word >> 23 else word for word in words[1:]]
             adc.append((tick * d.tick_clocks + ends, words[0], *codes))
-    stimulus = replay.Stimulus(
+    stimulus = replay_recording.Stimulus(
         np.array(adc, np.int64),
         np.array(host, np.int64).reshape(-1, 4),
         np.array(sar if params.fpga.digital else np.zeros((0, 2)), np.int64),
@@ -299,7 +299,7 @@ def reset_case(story, firmware=None):
         host[clock] = (clock, 1, 0, 0)
     host |= _fixed_words(random, frame_clocks)
     rows = np.array([host[clock] for clock in sorted(host)], np.int64)
-    stimulus = replay.Stimulus(adc, rows, np.zeros((0, 2), np.int64))
+    stimulus = replay_recording.Stimulus(adc, rows, np.zeros((0, 2), np.int64))
     return Recording("reset", params, RESET_FRAMES, 1, stimulus, (), "")
 
 
@@ -324,9 +324,9 @@ def merge_windows(windows, end):
 def find_windows(r):
     """What is worth every clock of a recording, found by replaying it."""
     frame_clocks = r.params.design.frame_clocks
-    dense = frame_clocks if r.name == "reset" else SHOWN
+    dense = frame_clocks if r.name == "reset" else WINDOW_CLOCKS
     starts = np.arange(r.frames) * frame_clocks
-    rows = replay.run(r.params, r.stimulus, r.frames, starts)
+    rows = replay_recording.run(r.params, r.stimulus, r.frames, starts)
     column = {name: rows.registers[:, k] for k, name in enumerate(names(top.State()))}
     state, lock = column["control.sequencer.state"], column["control.sequencer.lock.locked"]
     flags, word = column["control.sequencer.faults.flags"], column["control.rate_loop.loop.y"]
@@ -334,7 +334,7 @@ def find_windows(r):
 
     def work(frame, shows):
         opens = int(rows.window_at[frame])
-        windows.append(Window((opens if opens >= 0 else int(starts[frame])) - BEFORE, SHOWN, shows))
+        windows.append(Window((opens if opens >= 0 else int(starts[frame])) - BEFORE, WINDOW_CLOCKS, shows))
 
     def changes(values, text, most=16):
         for frame in np.flatnonzero(np.diff(values))[:most].tolist():
@@ -345,19 +345,19 @@ def find_windows(r):
     changes(flags, lambda a, b: f"flags {a:02x} to {b:02x}")
     init = np.flatnonzero(state == sequencer.INIT)
     if len(init):
-        windows.append(Window(int(starts[init[0]]), SHOWN, "control words of the DACs"))
+        windows.append(Window(int(starts[init[0]]), WINDOW_CLOCKS, "control words of the DACs"))
     locked = np.flatnonzero(state == sequencer.LOCKED)
     if len(locked) and len(r.stimulus.adc):
         ends = r.stimulus.adc[:, 0]
         ends = int(ends[ends > starts[locked[0]]][0])
-        windows.append(Window(ends - BEFORE, 520 + SHOWN, "ADC read while locked"))
+        windows.append(Window(ends - BEFORE, 520 + WINDOW_CLOCKS, "ADC read while locked"))
     railed = np.flatnonzero(np.isin(word, (r.params.control.rate_loop.loop.lo, r.params.control.rate_loop.loop.hi)))
     if len(railed):
         work(int(railed[0]) - 1, "rate word reaches its limit")
     for clock, reset, address, _ in r.stimulus.host.tolist():
         if reset:
             shows = [what for at, what in _reset_clocks(frame_clocks) if at == clock and what]
-            windows.append(Window(clock - BEFORE, SHOWN, shows[0] if shows else ""))
+            windows.append(Window(clock - BEFORE, WINDOW_CLOCKS, shows[0] if shows else ""))
         elif address == registers.BY_NAME["control"].address:
             windows.append(Window(clock - 4, 16, "host write"))
     return merge_windows(windows, r.frames * frame_clocks)
@@ -365,7 +365,7 @@ def find_windows(r):
 
 def is_current(r):
     """Whether today's firmware, given the recorded inputs, does what that of the closed loop did."""
-    rows = replay.run(r.params, r.stimulus, r.frames, np.arange(r.frames) * r.params.design.frame_clocks)
+    rows = replay_recording.run(r.params, r.stimulus, r.frames, np.arange(r.frames) * r.params.design.frame_clocks)
     return hashlib.sha256(rows.registers.astype("<i8").tobytes()).hexdigest() == r.closed
 
 

@@ -27,7 +27,7 @@ from fpga_model.digital_sid import SAMPLE
 from fpga_model.fixed import formats
 from testbench.errors import FileError
 from testbench.flatten import format_leaves, leaves
-from testbench.golden.recording.replay import Stimulus
+from testbench.golden.recording.replay_recording import Stimulus
 from testbench.storage.files import write_bytes
 from testbench.storage.inputs import read_bytes
 from testbench.storage.npz_input import read_npz

@@ -15,7 +15,7 @@ import numpy as np
 from fpga_model import registers, sequencer
 from fpga_model.block import filled
 from fpga_model.fault_monitor import CODE
-from testbench.golden.recording import replay
+from testbench.golden.recording import replay_recording
 from testbench.golden.recording.recording import Recording
 
 STORY_FROM, CODES_FROM, STEP = 620, 24, 2
@@ -85,5 +85,5 @@ def case(story):
         row[0] += (frame - story_frame) * frame_clocks
         row[6] = CODE.hi  # a temperature at which the least bit of each polynomial counts
         adc.append(row)
-    stimulus = replay.Stimulus(np.array(adc), np.array(host, np.int64), np.zeros((0, 2), np.int64))
+    stimulus = replay_recording.Stimulus(np.array(adc), np.array(host, np.int64), np.zeros((0, 2), np.int64))
     return Recording("registers", p, count, 1, stimulus, (), "")

@@ -16,8 +16,8 @@ CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos")
 PATIENCE = 120  # frames within which a state has to come
 MOST_FRAMES = 20_000  # of a start-up with the times of a board
 LOST = {"magnitude": SETPOINT >> 1, "phase": 1 << 22, "sense_sin": 1 << 22, "sense_cos": 1 << 22}
-NOT_JUDGED = [getattr(sequencer, name) for name in sequencer.CONTROL_BITS if name.startswith(("HOLD_", "FIX_"))]
-HELD = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
+UNMONITORED_BITS = [getattr(sequencer, name) for name in sequencer.CONTROL_BITS if name.startswith(("HOLD_", "FIX_"))]
+HOLD_BITS = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
 CUT = sequencer.GAIN.f
 
 
@@ -310,8 +310,8 @@ def _disturb_each_state(walk):
             {"drive_saturated": 1},
             {"qsc_rail": 1},
             {"qsc_rail": 1, "control": sequencer.RUN | sequencer.FIX_QSC},
-            {"control": sequencer.RUN | HELD},
-            {"control": sequencer.RUN | HELD & ~sequencer.HOLD_FTR},
+            {"control": sequencer.RUN | HOLD_BITS},
+            {"control": sequencer.RUN | HOLD_BITS & ~sequencer.HOLD_FTR},
             {"rate_saturated": 1},
         ):
             if walk.again(state, **blocking_inputs):
@@ -326,7 +326,7 @@ def _lock_exclusion_bits(walk):
         return  # no frame of SETTLE is left to judge: nothing locks
     unlocked_sense = {name: LOST[name] for name in ("sense_sin", "sense_cos")}
     for state, blocking_inputs, moves in ((sequencer.BALANCE, unlocked_sense, {}), (sequencer.LOCKED, {}, LOST)):
-        for bit in NOT_JUDGED:
+        for bit in UNMONITORED_BITS:
             if walk.state.state == state or walk.again(state, **blocking_inputs):
                 walk.run(1, control=sequencer.RUN | bit, **moves)
                 walk.run(1, **blocking_inputs)

@@ -33,7 +33,7 @@ def make(block, case, seed=SEED):
 
 
 def _finish_rows(w):
-    return np.array(w.rows, np.int64), [tuple(found) for found in w.families]
+    return np.array(w.rows, np.int64), [tuple(family) for family in w.families]
 
 
 def _write_directed(block, case, seed):

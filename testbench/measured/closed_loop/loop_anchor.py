@@ -26,7 +26,7 @@ from testbench.measured.residual.parameters import WALL
 from testbench.tracing.problem.problem import PredictionFailed, Problem
 
 MIN_OFFSET_HZ = 2e-3  # from the model's drive frequency to the recorded one: what is less is scatter of the power-ons
-LOOK, DRAWS = 5, 8  # of the exact engine at an anchor: for a first look, and later
+PREVIEW_DRAWS, DRAWS = 5, 8  # of the exact engine at an anchor: for a first look, and later
 FIRST_DRAW = 10**12  # seeds that no recording has
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 
@@ -272,7 +272,9 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
     def unidentifiable(self, fit):
         keys, n = [p.key for p in self.parameters], len(self.parameters)
         values = [p.value_from_theta(t) for p, t in zip(self.parameters, fit.point.theta)]
-        return loop_symmetries.lines(keys, values, fit.interval_covariance[:n, :n]) if self.starts else ()
+        return (
+            loop_symmetries.identifiability_lines(keys, values, fit.interval_covariance[:n, :n]) if self.starts else ()
+        )
 
     def prior_overrun(self, theta):
         keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.clip_theta(t) != t)

@@ -24,8 +24,8 @@ from testbench.measured.closed_loop import loop_limits
 from testbench.tracing.problem.problem import Law
 
 # need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), a line's phase, another attitude
-NOT_SEEN = ("coupling_warm_up", "pickoff_warm_up", "thermoelastic_bias", "softening_sense", "carrier_ripple")
-NOT_SEEN += ("acceleration",)
+UNOBSERVABLE = ("coupling_warm_up", "pickoff_warm_up", "thermoelastic_bias", "softening_sense", "carrier_ripple")
+UNOBSERVABLE += ("acceleration",)
 DUFFING_UM2, CUBIC_V2, LEAK = 1e-7, 1e-2, 1e-5
 DRIVE_N, SENSE_N, CV_X_V, CV_Y_V = 2.8e-11, 2.8e-10, 2.9e-4, 5.8e-6
 PORT_SIZE = dict(zip(law.PORTS, (DRIVE_N, SENSE_N, CV_X_V, CV_Y_V)))
@@ -105,7 +105,7 @@ def from_catalogue():
     for effect in catalogue.LAWS:
         i = effect.INFO
         # noise has no shape to fit: another power-on has another; contrasts of repeats tell it (N01 to N04)
-        if i.name not in NOT_SEEN and i.mechanism != "noise":
+        if i.name not in UNOBSERVABLE and i.mechanism != "noise":
             limits = getattr(effect, "PHYSICS", None)
             out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), effect.terms, limits))
     return tuple(out)
@@ -153,7 +153,7 @@ def from_grammar():
             low, high, reason = loop_limits.law_limits(one)
             name = f"{port}: {factors}"
             terms = tuple((str(f._replace(power=1)), float(f.power)) for f in one.factors)
-            scale = min(PORT_SIZE[port] / loop_limits.size(one.factors), max(-low, high))
+            scale = min(PORT_SIZE[port] / loop_limits.typical_size(one.factors), max(-low, high))
             new_law = Law(
                 name, port, f"c {factors}", one.unit, scale, (low == 0.0) - (high == 0.0), term=terms,
                 page="docs/parts/ports.md", low=low, high=high, reason=reason, same=harmonic(one),

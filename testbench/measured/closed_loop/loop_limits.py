@@ -26,7 +26,7 @@ DAMP_N_S_PER_M = BOARD.mass_kg * W_RAD_S / BOARD.qx
 AXES = {"x": ("x", "vx"), "y": ("y", "vy")}
 
 
-def size(factors):
+def typical_size(factors):
     """Product of `law.Factor`s at typical states."""
     powers = (1.0 if f.dress == law.SGN else TYPICAL[f.name] ** f.power for f in factors if f.name in TYPICAL)
     return math.prod(powers)
@@ -55,7 +55,7 @@ def _bound(one):
 def law_limits(one):
     """(low, high, reason) of the coefficient of a `law.Law`; what it has is a factor of that coefficient."""
     largest, reason = _bound(one)
-    high = largest / (abs(one.coefficient) * size(one.factors))
+    high = largest / (abs(one.coefficient) * typical_size(one.factors))
     limits = -high, high
     if _takes_energy(one):
         limits, reason = (-high, 0.0), "no passive part gives energy to its mode"

@@ -26,7 +26,7 @@ FOLDS = 8
 # quantiles in random order: their variance is that of the scatter, not that of 64 draws of it
 JITTER = np.random.default_rng(3).permutation(norm.ppf((np.arange(NOISE_DRAWS) + 0.5) / NOISE_DRAWS))
 JITTER *= JITTER_HZ / np.sqrt(np.mean(JITTER**2))
-LATER = np.random.default_rng(4).integers(loop_runs.LATE, size=NOISE_DRAWS)
+LATER = np.random.default_rng(4).integers(loop_runs.MOST_DELAY_FRAMES, size=NOISE_DRAWS)
 
 
 class Noise(NamedTuple):

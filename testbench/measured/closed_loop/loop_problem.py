@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 
 from testbench.config import law_file
 from testbench.measured.closed_loop import loop_noise, loop_runs, loop_spectra
-from testbench.measured.closed_loop.loop_anchor import LOOK, AnchoredLoop
+from testbench.measured.closed_loop.loop_anchor import PREVIEW_DRAWS, AnchoredLoop
 from testbench.measured.closed_loop.loop_offers import Offered, describe_shadowed_laws
 from testbench.measured.closed_loop.loop_tangents import Tangents
 from testbench.measured.residual import features
@@ -81,7 +81,7 @@ class LoopProblem(AnchoredLoop):
         self.hashes = dict(measured.hashes)
         # stiffness that moves the drive mode by a hertz
         self.per_hz = 8 * np.pi**2 * model.plant.mass_kg * model.plant.fx_hz
-        self._sizes = {c.id: loop_runs.size(c) for c in measured.conditions}
+        self._sizes = {c.id: loop_runs.feature_count(c) for c in measured.conditions}
         self._count = {c.id: len(loop_runs.bins(c)) - 1 for c in measured.conditions}
         self.slope = {c.id: _frequency_slope(c) for c in measured.conditions}
         self.place, self._densities = dict.fromkeys(self.conditions, 0.0), {}
@@ -92,7 +92,7 @@ class LoopProblem(AnchoredLoop):
         self._begun, self._middle = draws, {g: v.mean(axis=0) for g, v in draws.items()}
         self.heldout_view = Fine(self, {g: v[:, self._sizes[g] :] for g, v in draws.items()})
         self._rows = {s.group: k for k, s in enumerate(self.segments)}
-        self.anchors, self.draws, self.tangent = 0, LOOK, None
+        self.anchors, self.draws, self.tangent = 0, PREVIEW_DRAWS, None
         self.first = np.array([p.start_value for p in self.parameters])
         self.starts = tuple(p.start for p in self.parameters if p.start is not None)
         self.least_d = WIDE_LEAST_D if self.starts else 0.0
@@ -205,12 +205,12 @@ class Fine:
 
     def segment_features(self, k):
         s, recorded = self.segments[k], self._problem.recorded
-        return recorded.values[s.group][s.repeat][loop_runs.size(self._problem.conditions[s.group]) :]
+        return recorded.values[s.group][s.repeat][loop_runs.feature_count(self._problem.conditions[s.group]) :]
 
     def predict(self, points, which):
         groups = [self.segments[k].group for k in which]
         return [
-            [self._problem.linear(theta, c, g)[loop_runs.size(self._problem.conditions[g]) :] for g in groups]
+            [self._problem.linear(theta, c, g)[loop_runs.feature_count(self._problem.conditions[g]) :] for g in groups]
             for theta, c in points
         ]
 

@@ -19,11 +19,11 @@ from fpga_model.rates import FRAME_CYCLES, TICK_HZ
 from testbench.config import phase_word
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs, loop_spectra
-from testbench.measured.importing import words
+from testbench.measured.importing import firmware_words
 from testbench.measured.quality.records import adc_codes, dac_range
-from testbench.measured.record import check_tables, load, schema
+from testbench.measured.record import check_tables, load_record, schema
 from testbench.measured.record.meaning_segments import SETPOINTS, Stated, bank, rate_limit, temp_limit
-from testbench.measured.record.plan import Condition
+from testbench.measured.record.recording_plan import Condition
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import features, parameters
 from testbench.run import build
@@ -194,11 +194,11 @@ def open_record(paths, options, calibrated=None, bench=None, cache=None):
     """
     if len(paths) != 1 or not is_record(paths[0]):
         return None
-    loaded = load.load(paths[0])
+    loaded = load_record.load(paths[0])
     if not schema.has_supported_map(loaded.record):
         text = "regmap_sha256 is another firmware's, and tracing runs this one in its loop"
         raise ConfigError(f"{paths[0]}: {text}; gyro measured residuals --kind R1 and calibrate do not")
-    record, lacking = words.completed(loaded.record)
+    record, lacking = firmware_words.completed(loaded.record)
     model = check_tables.stated_config(record)
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
     data = measured_features(record, paths[0].name, hashes)

@@ -26,10 +26,10 @@ V_Q2 = loop_runs.NAMES.index("v_q2")
 FREQUENCY, SPRING = ("force_x", "x"), ("force_y", "x")
 
 
-OWN_MOTION = {"y", "vy", "cy"}  # is noise and transients: a law of these is run by itself
+SENSE_MOTION = {"y", "vy", "cy"}  # is noise and transients: a law of these is run by itself
 
 
-NOT_COVERED = OWN_MOTION | set(law.TIMES) - {"lag"}
+NOT_COVERED = SENSE_MOTION | set(law.TIMES) - {"lag"}
 
 
 def covers(laws):

@@ -34,11 +34,11 @@ from testbench.run.simulation import Simulation
 from testbench.storage.code_hash import frames_begun
 
 DEG = math.pi / 180
-EARLY_TICKS = 3_000 * FRAME_TICKS  # from here on the averaged plant holds
+AVERAGED_START_TICKS = 3_000 * FRAME_TICKS  # from here on the averaged plant holds
 START_TICKS = 14_000 * FRAME_TICKS  # 1.75 s: the slowest start-up has locked, and half a second has passed
 SETTLE_S = 1.5  # from START_TICKS to a dwell, if no record says otherwise: what power-on leaves is below a sigma then
 LOCK_SETTLE_S = 2.0  # from a locked state to a dwell: of 300 sigmas there 0.2 are left in loops with zeros at 0.6 Hz
-LATE = 100  # frames by which a dwell may begin later: nobody knows the drive's phase at a step of the rate
+MOST_DELAY_FRAMES = 100  # frames by which a dwell may begin later: nobody knows the drive's phase at a step of the rate
 FIRST_BIN = 64  # frames
 FINE = 64  # frames of each bin in which held-out errors are told
 BLOCK = 8  # frames of a mean in which responses are kept; a part of FIRST_BIN and FINE
@@ -65,7 +65,7 @@ class Run(NamedTuple):
     condition: object  # plan.Condition
     seed: int
     start: config.Config | None = None  # whose locked state it begins from; None: from a power-on of its own
-    late: int = 0  # frames by which the dwell begins later, below LATE
+    delay_frames: int = 0  # frames by which the dwell begins later, below MOST_DELAY_FRAMES
     smooth: bool = False  # of the averaged plant: codes of the drive are not rounded
 
 
@@ -84,7 +84,7 @@ def fine_bins(condition):
     return np.arange(0, frame_count(condition.seconds) + 1, FINE)
 
 
-def size(condition):
+def feature_count(condition):
     """How many features are for fits and alarms; those of the fine bins follow them."""
     return len(NAMES) * (len(bins(condition)) - 1)
 
@@ -122,9 +122,9 @@ def seeded_config(model, seed):
 
 
 def begin_tick(run):
-    """Tick at which a run begins: EARLY_TICKS, or LOCK_SETTLE_S before the dwell, whatever that of the lock is."""
+    """Tick at which a run begins: AVERAGED_START_TICKS, or LOCK_SETTLE_S before the dwell, whenever the loop locks."""
     if run.start is None:
-        return EARLY_TICKS
+        return AVERAGED_START_TICKS
     return START_TICKS + FRAME_TICKS * (frame_count(run.condition.settle_s) - frame_count(LOCK_SETTLE_S))
 
 
@@ -132,21 +132,21 @@ def settling(run):
     """Frames of a run before its dwell; from power-on SETTLE_S are enough."""
     if run.start is None:
         settle = frame_count(min(run.condition.settle_s, SETTLE_S))
-        return (START_TICKS - EARLY_TICKS) // FRAME_TICKS + settle + run.late
-    return frame_count(LOCK_SETTLE_S) + run.late
+        return (START_TICKS - AVERAGED_START_TICKS) // FRAME_TICKS + settle + run.delay_frames
+    return frame_count(LOCK_SETTLE_S) + run.delay_frames
 
 
 def _profiles(run):
     """Rate (rad/s) and temperature of every frame of a run, and one more."""
     c, settle = run.condition, settling(run)
-    rate, temp = c.profile(frame_count(c.seconds) + 3 + LATE - run.late)
+    rate, temp = c.profile(frame_count(c.seconds) + 3 + MOST_DELAY_FRAMES - run.delay_frames)
     before = np.full(settle, before_dps(c)), np.full(settle, float(c.temperature_degc))
     return np.concatenate([before[0], rate]) * DEG, np.concatenate([before[1], temp])
 
 
 def run_length_ticks(run):
     """Length of a run, one tick into the frame behind its last: its row holds the last codes."""
-    return (settling(run) + frame_count(run.condition.seconds) + LATE - run.late) * FRAME_TICKS + 1
+    return (settling(run) + frame_count(run.condition.seconds) + MOST_DELAY_FRAMES - run.delay_frames) * FRAME_TICKS + 1
 
 
 def before_dps(condition):
@@ -237,7 +237,7 @@ class Bench:
 
     def probed(self, run, frames, rate_rad_s):
         """engine.Streams of the frame engine, every tick probed, from the locked state that a run begins from."""
-        p, state = _params(run), self.locked_state(run.start, run.condition)
+        p, state = _run_params(run), self.locked_state(run.start, run.condition)
         out = engine.streams(0, frames + 1, 0, frames * FRAME_TICKS, 0)
         rate, temp = np.full(frames + 2, rate_rad_s), np.full(frames + 2, float(run.condition.temperature_degc))
         frame.run(p, match_switches(p, state), frames * FRAME_TICKS, rate, temp, engine.NO_WRITE, engine.Faults(), out)
@@ -263,7 +263,7 @@ class Bench:
         """
         take = take or (lambda run, rows: _features(run, rows.frames, fine))
         states = self._begun(runs)
-        params = [_params(r) for r in runs] if kind == EXACT else []
+        params = [_run_params(r) for r in runs] if kind == EXACT else []
         out, finished_s, total_s = [None] * len(runs), 0.0, sum(run_length_ticks(r) for r in runs) / TICK_HZ
 
         def work(members):
@@ -287,7 +287,7 @@ class Bench:
         """Rows of a run in the baseband engine; None where it fails and may."""
         try:
             with DESIGN:
-                p = _params(run)
+                p = _run_params(run)
                 baseband.prepare(p, self.setup(run, p))
             return _run_single(run, p, state, baseband.run)
         except ConfigError:
@@ -304,7 +304,7 @@ class Bench:
 
         def power(members):
             sims = [switched_on(seeded_config(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
-            states.update(zip(members, power_on(sims, EARLY_TICKS)))
+            states.update(zip(members, power_on(sims, AVERAGED_START_TICKS)))
 
         self._map_jobs(power, [g[i : i + LANES] for g in powered_runs.values() for i in range(0, len(g), LANES)])
         locked = ((k, r) for k, r in enumerate(runs) if k not in states)
@@ -316,7 +316,7 @@ class Bench:
             list(pool.map(work, jobs))
 
 
-def _params(run):
+def _run_params(run):
     _, temps = _profiles(run)
     return build.params(seeded_config(run.model, run.seed), float(temps.min()), float(temps.max()))
 
@@ -329,7 +329,7 @@ def _lane_groups(runs, params):
     return [g[i : i + LANES] for g in groups.values() for i in range(0, len(g), LANES)]
 
 
-def _streams(run):
+def _noise_streams(run):
     return engine.streams(0, frames_begun(begin_tick(run), run_length_ticks(run)), 0, 0, 0)
 
 
@@ -349,7 +349,7 @@ def _side_by_side(members):
     members = [(r, p, match_switches(p, s)) for r, p, s in members]
     ticks = run_length_ticks(members[0][0])
     profiles = [_profiles(r) for r, _, _ in members]
-    outs = [_streams(r) for r, _, _ in members]
+    outs = [_noise_streams(r) for r, _, _ in members]
     states = [s for _, _, s in members]
     group = lanes.Engine([p for _, p, _ in members])
     after = group.run(states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
@@ -360,7 +360,7 @@ def _side_by_side(members):
 
 def _run_single(run, p, state, play):
     """Rows of a run in an engine by itself; `frame.run` has the bits of the lanes."""
-    out = _streams(run)
+    out = _noise_streams(run)
     state = match_switches(p, state)
     after = play(p, state, run_length_ticks(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)

@@ -20,7 +20,7 @@ class Symmetry(NamedTuple):
     """A direction in which the data see nothing; partners {key: power} of a scale, {key: 1.0} of a delay."""
 
     name: str
-    held: str
+    dependent_key: str
     partners: dict
     delay: bool
     experiment: str
@@ -29,18 +29,27 @@ class Symmetry(NamedTuple):
         """Change per unit of `held` from those of its partners; both {key: ...}."""
         if self.delay:
             return -sum(columns[key] for key in self.partners)
-        return -sum(power * values[key] * columns[key] for key, power in self.partners.items()) / values[self.held]
+        return (
+            -sum(power * values[key] * columns[key] for key, power in self.partners.items())
+            / values[self.dependent_key]
+        )
 
     def invariants(self, values):
         """[(words, value, {key: slope})] of what the symmetry leaves, one of each partner."""
-        dependent, out = values[self.held], []
+        dependent, out = values[self.dependent_key], []
         for key, power in self.partners.items():
             if self.delay:
-                out.append((f"{_name(key)} - {_name(self.held)}", values[key] - dependent, {key: 1.0, self.held: -1.0}))
+                out.append(
+                    (
+                        f"{_parameter_name(key)} - {_parameter_name(self.dependent_key)}",
+                        values[key] - dependent,
+                        {key: 1.0, self.dependent_key: -1.0},
+                    )
+                )
                 continue
             value = values[key] * dependent**-power
-            words = f"{_name(key)} {'/' if power > 0 else '*'} {_name(self.held)}"
-            out.append((words, value, {key: value / values[key], self.held: -power * value / dependent}))
+            words = f"{_parameter_name(key)} {'/' if power > 0 else '*'} {_parameter_name(self.dependent_key)}"
+            out.append((words, value, {key: value / values[key], self.dependent_key: -power * value / dependent}))
         return out
 
 
@@ -60,7 +69,7 @@ DELAY = Symmetry(
 )
 SYMMETRIES = (MOTION, DELAY)
 HIDDEN = 10.0  # times a change of the data: columns of steps hold to some percent
-SEEN = 30.0  # sigmas by which the step along a weak direction moves all features, far above their rounding
+VISIBLE_SIGMAS = 30.0  # sigmas by which the step along a weak direction moves all features, far above their rounding
 REACH = 0.5  # sd of the priors: the largest such step
 NOTHING = 1e-9  # of the largest singular value: no data see it
 # never fitted: it scales with every force, and with nothing else
@@ -68,11 +77,11 @@ MASS = "mass_kg: only force and stiffness per mass are seen (k_vf / mass, k_xy /
 MASS_EXPERIMENT = "a known force or added mass"
 
 
-def _name(key):
+def _parameter_name(key):
     return key.partition(".")[2]
 
 
-def lines(keys, theta, covariance):
+def identifiability_lines(keys, theta, covariance):
     """What no record shows of parameters, and the products that it does show with their sd; () if nothing is tied."""
     values, out = dict(zip(keys, theta)), []
     for s in tied(keys).values():
@@ -80,14 +89,14 @@ def lines(keys, theta, covariance):
         for words, value, slopes in s.invariants(values):
             g = np.array([slopes.get(key, 0.0) for key in keys])
             texts.append(f"{words} = {value:.6g} +- {np.sqrt(g @ covariance @ g):.2g}")
-        group = ", ".join(map(_name, (s.held, *s.partners)))
+        group = ", ".join(map(_parameter_name, (s.dependent_key, *s.partners)))
         out.append(f"not identifiable: {s.name} ({group}); identifiable: {'; '.join(texts)}; to fix it: {s.experiment}")
     return (*out, f"not identifiable: {MASS}; to fix it: {MASS_EXPERIMENT}") if out else ()
 
 
 def tied(keys):
     """{held key: Symmetry} of those whose parameters are all among `keys`."""
-    return {s.held: s for s in SYMMETRIES if {s.held, *s.partners} <= set(keys)}
+    return {s.dependent_key: s for s in SYMMETRIES if {s.dependent_key, *s.partners} <= set(keys)}
 
 
 def weak(columns):
@@ -95,7 +104,7 @@ def weak(columns):
     _, sizes, directions = np.linalg.svd(columns, full_matrices=False)
     parts = np.abs(directions * np.linalg.norm(columns, axis=0)).max(axis=1)
     some = (sizes > NOTHING * sizes[0]) & (parts > HIDDEN * sizes)
-    return [(d, min(SEEN / size, REACH)) for d, size in zip(directions[some], sizes[some])]
+    return [(d, min(VISIBLE_SIGMAS / size, REACH)) for d, size in zip(directions[some], sizes[some])]
 
 
 def corrected(columns, directions, measured):

@@ -18,8 +18,8 @@ from testbench.measured.closed_loop.loop_responses import Responses, covers
 from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
 from testbench.tracing.problem.problem import PredictionFailed
 
-NEAR = 2.5  # how far off AIM a step may be
-SEEN = 10.0  # sigmas of all features together, that a law's largest step must move
+AIM_FACTOR = 2.5  # how far off AIM a step may be
+VISIBLE_SIGMAS = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
 GUESSES, SHORTER = 6, 0.03  # steps tried under one condition; factor of a step where the plant leaves its range
 
@@ -107,7 +107,7 @@ class Tangents:
                 c.id: self.of.restore_settle_s(c, {name: 1.0}).settle_s - c.settle_s for c in self._conditions(role)
             }
             column = responses[self._where, role].column(self._port_laws[name], later)
-            is_visible = role != "fit" or self._change_sigmas(column) * self.largest(name) >= SEEN
+            is_visible = role != "fit" or self._change_sigmas(column) * self.largest(name) >= VISIBLE_SIGMAS
             self.kept[key] = column if is_visible else {g: np.zeros_like(v) for g, v in column.items()}
         return self.kept[key]
 
@@ -148,10 +148,10 @@ class Tangents:
                 size = self._change_sigmas(change)
                 if name in self.steps:
                     continue
-                if size < SEEN and name in of.candidates:
+                if size < VISIBLE_SIGMAS and name in of.candidates:
                     # what the largest step hardly moves is noise, and no law that these data see
                     columns[name] = zero
-                if not AIM / NEAR <= size <= AIM * NEAR and self._aimed(name, steps, size):
+                if not AIM / AIM_FACTOR <= size <= AIM * AIM_FACTOR and self._aimed(name, steps, size):
                     again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out

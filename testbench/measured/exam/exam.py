@@ -16,8 +16,8 @@ from testbench.measured.exam.staged import (
     ALPHA,
     DECISIVE,
     NOTHING,
-    SAME,
     SUPPORTED,
+    UNCHANGED_FACTOR,
     Round,
     StagedResult,
     absorb,
@@ -186,7 +186,7 @@ def report(problem, settings=None, progress=None):
     stage_fits = fit_stages(problem, names)
     heldout_errors = judge_segments(problem, names, stage_fits)
     while names and any(
-        h["after"] > SAME * h["before"] for h in heldout_errors.values()
+        h["after"] > UNCHANGED_FACTOR * h["before"] for h in heldout_errors.values()
     ):  # the last law goes: never worse than none
         names, stage_fits = names[:-1], stage_fits[:-1]
         staged = _staged_result(problem, staged.first, staged.rounds, names, _fitted_values(stage_fits[-1]), chosen)

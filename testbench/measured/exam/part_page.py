@@ -11,11 +11,11 @@ import numpy as np
 
 from testbench.console import report
 from testbench.measured.exam.staged import ALPHA, absorb, add_in_stages
-from testbench.tracing.report import number
 from testbench.tracing.trace import Options, Tracer
+from testbench.tracing.trace_report import number
 
 SHUFFLES = 199
-ABOVE = 1.5  # floors, from which a held-out error is not explained
+UNEXPLAINED_FLOORS = 1.5  # floors, from which a held-out error is not explained
 WIDE = 20.0  # floors of the largest residual, from which a picture is logarithmic beyond three of them
 POINTS = 3000  # of one line of a picture; more are thinned
 STYLE = """body{font:15px/1.45 sans-serif;max-width:1050px;margin:2em auto;padding:0 1em;color:#222}
@@ -45,12 +45,12 @@ def run(problem, options=None, progress=None):
 
 
 def is_unexplained(row):
-    """True if a row of `heldout` is not explained: its error is above ABOVE floors in the end."""
-    return bool(row.get("floor")) and row["after"] > ABOVE * row["floor"]
+    """True if a row of `heldout` is not explained: its error is above UNEXPLAINED_FLOORS floors in the end."""
+    return bool(row.get("floor")) and row["after"] > UNEXPLAINED_FLOORS * row["floor"]
 
 
 def in_part(data):
-    """A report whose laws leave a held-out error above ABOVE floors is "named in part", and says where."""
+    """A report whose laws leave a held-out error above UNEXPLAINED_FLOORS floors is "named in part", and says where."""
     texts = [f"{name} {r['after'] / r['floor']:.2g}" for name, r in data["heldout"].items() if is_unexplained(r)]
     if data["verdict"] not in ("named", "candidate") or not texts:
         return data
@@ -218,7 +218,7 @@ def rounds_table(data):
     return table(head, rows, (2, 3)) if rows else ""
 
 
-def section(title, data, image=""):
+def part_section(title, data, image=""):
     """One part of the page."""
     mark = "good" if data["verdict"] in ("named", "none") else "part"
     words = [

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from testbench.measured.exam import intervals, structure
+from testbench.measured.exam import exam_intervals, structure
 from testbench.tracing.fit import evidence
 from testbench.tracing.fit.rank import one_sided
 from testbench.tracing.fit.refit import refit
@@ -35,7 +35,9 @@ DECISIVE = np.log(20.0)
 SUPPORTED = 9.0  # of chi2, three sigmas of one coefficient
 ALIKE = 0.95
 HARMLESS = 1.02  # by which an observable may become worse
-SAME = 1.001  # by which it changes where a law does nothing to it: nuisances and noise that observables share
+UNCHANGED_FACTOR = (
+    1.001  # by which it changes where a law does nothing to it: nuisances and noise that observables share
+)
 MOST_TRIES = 16  # laws that are refitted before a round gives up
 CHANCE = 0.01  # that noise makes the largest of as many laws as were tried as large as the least of those that stay
 STRAYED = 3.0  # sd of its prior by which a law's own shape may be moved: further on it is not the law that was tried
@@ -149,11 +151,11 @@ def _drop_worsening(problem, names, rounds, options):
         if not tracer.calibrate():
             break
         after = tracer.heldout_result({"now": tracer.base.fit}).rows
-        worse = [key for key in before if after[key]["now"] > SAME * before[key]["now"]]
+        worse = [key for key in before if after[key]["now"] > UNCHANGED_FACTOR * before[key]["now"]]
         if not worse:
             break
         share = {r.law: {key: r.heldout[key][1] / r.heldout[key][0] for key in worse} for r in rounds if r.kept}
-        active_names = [name for name in names if any(abs(x - 1) > SAME - 1 for x in share[name].values())]
+        active_names = [name for name in names if any(abs(x - 1) > UNCHANGED_FACTOR - 1 for x in share[name].values())]
         worst_name = max(reversed(active_names or names), key=lambda name: max(share[name].values()))
         names = [name for name in names if name != worst_name and name not in problem.dependent_nuisances(worst_name)]
     return names
@@ -278,7 +280,7 @@ def summary(problem, first, rounds, last, fit, superseded=()):
     """JSON of all together: the keys of a trace, with one entry per law that was kept. fit: with them, or None."""
     accepted, data = [r for r in rounds if r.kept], {}
     laws = {name: law for r in rounds for name, law in absorb(problem, _before(rounds, r)).laws_by_name().items()}
-    sd = intervals.stated_sd(fit) if accepted else None
+    sd = exam_intervals.stated_sd(fit) if accepted else None
     by_group = problem.heldout_by != "observable"
     affected = set(first.heldout) if by_group or not accepted else _affected_observables(problem, accepted, fit)
     effects = [_effect(problem, laws[r.law], r, fit, sd) for r in accepted]

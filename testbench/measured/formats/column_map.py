@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from testbench.errors import FileError
 from testbench.measured.formats.contents import InputOutput, Levels, Meters, Sweep, Trace, ZeroRateRecord, on_grid
-from testbench.measured.formats.table import numbers, read_table
+from testbench.measured.formats.table import numeric_columns, read_table
 from testbench.measured.quality import backwards, units
 from testbench.measured.quality.finding import QualityError
 from testbench.measured.quality.rows.series import grid_step, noise_sd
@@ -60,7 +60,7 @@ HEADS = {"sample", "frequency_hz", "quality", "rate_hz", "lsb_deg_per_s", "date"
 FEWEST = {"ring-down": 64, "spectrum": 64, "sweep": 64, "meters": 20, "levels": 256, "driven": 4096, "rest": 20_000}
 HEAD_BYTES = 4096
 MOST, MOST_DB = 1e12, 200.0  # of any number in the product's unit, and of a parameter in dB
-EVEN = 1e-3  # of a sampling interval: how far instants may be off a regular grid
+GRID_TOLERANCE = 1e-3  # of a sampling interval: how far instants may be off a regular grid
 
 
 class Role(BaseModel):
@@ -137,7 +137,7 @@ class _MappedTable:
             raise FileError(f"{path}: columns of {sorted(lengths)} rows; one length, {FEWEST[stated.kind]} or more")
 
     def _values(self, role, r, unit):
-        v = numbers(self.file, self.table, [r.column])[r.column]
+        v = numeric_columns(self.file, self.table, [r.column])[r.column]
         if r.range is not None:
             low, high = r.range
             sheet = Sheet(str(self.file), self.stated.kind, (Column(r.column, r.unit, v, limits=(low, high)),))
@@ -186,8 +186,10 @@ class _MappedTable:
         t = self.one["time"]
         step = (t[-1] - t[0]) / (len(t) - 1)
         worst = float(np.max(np.abs(t - t[0] - step * np.arange(len(t))))) if step > 0 else np.inf
-        if not worst < max(EVEN * step, grid_step(t)):
-            raise FileError(f"{self.path}: time: off a regular grid by {worst:.3g} s, {EVEN * step:.3g} s is the limit")
+        if not worst < max(GRID_TOLERANCE * step, grid_step(t)):
+            raise FileError(
+                f"{self.path}: time: off a regular grid by {worst:.3g} s, {GRID_TOLERANCE * step:.3g} s is the limit"
+            )
         return float(1 / step)
 
     def number(self, name, low, high):

@@ -46,7 +46,7 @@ def read_table(path):
     return table
 
 
-def numbers(path, table, names):
+def numeric_columns(path, table, names):
     """{name: (n,) float64} of columns of a table; FileError: missing, not numbers, not finite, of another length."""
     out = {}
     for name in names:

@@ -16,7 +16,7 @@ from fpga_model.rates import FRAME_CYCLES
 from testbench import config as configuration
 from testbench.config import to_toml
 from testbench.errors import ConfigError
-from testbench.measured.importing import board, dwells, record_map, words
+from testbench.measured.importing import dwells, firmware_words, record_map, recorded_board
 from testbench.measured.record import schema, timing
 from testbench.measured.record.sessions import UNSEEN, Session
 from testbench.run import design_check
@@ -50,7 +50,7 @@ def imported(paths, map_path):
     if len(mapping.power_on) > len(paths):
         raise ConfigError(f"{map_path}: {len(mapping.power_on)} [[power_on]] for {len(paths)} files")
     config = model(mapping, map_path)
-    boards = [board.board(path, mapping, k, config) for k, path in enumerate(paths)]
+    boards = [recorded_board.import_board(path, mapping, k, config) for k, path in enumerate(paths)]
     starts = np.cumsum([0] + [b.frames for b in boards]).tolist()
     record = Record(_streams(boards, timing.valid_clock(config)), {}, to_toml(config), "measured")
     record.attrs = _head(mapping, paths)
@@ -60,7 +60,7 @@ def imported(paths, map_path):
     if not lacking:
         record.streams["adc_ok"] = _good(boards, record)
         lines.append("assumed: every recorded conversion was good (adc_ok)" if "adc_ok" not in mapping.columns else "")
-        full_record, lacking = words.completed(record)
+        full_record, lacking = firmware_words.completed(record)
     if not lacking:
         _first_words(boards, starts, full_record)
     for b, start in zip(boards, starts):
@@ -121,7 +121,7 @@ def _first_words(boards, starts, record):
     names = [name for name in schema.REPLAYED if name in boards[0].streams]
     for b, start in zip(boards, starts):
         if names and b.line.frames[0] > 0:
-            for name, values in words.replayed(record, Session(start, 1, True), names).items():
+            for name, values in firmware_words.replayed(record, Session(start, 1, True), names).items():
                 record.streams[name].data[start] = values[0]
 
 
@@ -142,7 +142,7 @@ def _segments(mapping, b, start, record, lacking, lines):
         locked = dwells.drive_locked(b.streams)
         first = int(np.argmax(locked)) / dwells.FRAME_HZ
         lines.append(f"{b.path}: assumed: locked from {first:.4g} s on, where the drive keeps phase and amplitude")
-    role = "validate" if b.held_out else "fit"
+    role = "validate" if b.is_validation else "fit"
     b.parts = dwells.find_parts(b.tracks, locked, mapping.dwells, role)
     for p in b.parts:
         if p.kind == "dwell":
@@ -160,7 +160,7 @@ def _outlook(record, lacking):
     """What can be done with a record, in words."""
     if not lacking:
         return ()
-    missing = [name for name in words.TRACED if name not in record.streams]
+    missing = [name for name in firmware_words.TRACED if name not in record.streams]
     outlook = f"tracing needs {', '.join(missing)}" if missing else "tracing works"
     return (f"words are not replayed: {lacking}", f"R0 is not decidable; {outlook}")
 

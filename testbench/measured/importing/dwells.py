@@ -15,12 +15,12 @@ import numpy as np
 
 from fpga_model.rates import FRAME_CYCLES, MASTER_HZ
 from testbench.errors import ConfigError
-from testbench.measured.record.plan import RAMP_FRAMES
+from testbench.measured.record.recording_plan import RAMP_FRAMES
 
 FRAME_HZ = MASTER_HZ // FRAME_CYCLES
 LEAST_FRAMES = 800  # of a dwell: 0.1 s
 MEAN_FRAMES = 100  # of codes, in which noise and ripple are small beside the drive
-SAME_AMPLITUDE, MOST_ANGLE = 0.02, 0.05  # of a locked drive's amplitude; rad from minus cosine
+AMPLITUDE_TOLERANCE, MOST_ANGLE = 0.02, 0.05  # of a locked drive's amplitude; rad from minus cosine
 SINGLE_DWELL_FRAMES = 3000  # of a dwell without another: 64 draws of the noise determine no more than its 40 features
 
 
@@ -94,7 +94,7 @@ def drive_locked(codes):
     mean = np.ones(MEAN_FRAMES) / MEAN_FRAMES
     x, y = (np.convolve(codes[name], mean, "same") for name in ("adc_xI", "adc_xQ"))
     last = np.median(np.hypot(x, y)[-len(x) // 4 :])
-    off = (np.abs(np.hypot(x, y) - last) > SAME_AMPLITUDE * last) | (np.abs(x) > MOST_ANGLE * np.abs(y)) | (y >= 0)
+    off = (np.abs(np.hypot(x, y) - last) > AMPLITUDE_TOLERANCE * last) | (np.abs(x) > MOST_ANGLE * np.abs(y)) | (y >= 0)
     half = MEAN_FRAMES // 2
     wrong = np.flatnonzero(off[half : len(off) - half])
     return np.arange(len(x)) >= (int(wrong[-1]) + half + 1 if len(wrong) else 0)

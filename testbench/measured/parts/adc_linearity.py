@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from analog_frontend.parts import adc
 from testbench.errors import FileError
 from testbench.measured.formats import meters_csv
-from testbench.measured.models.linear import Common, LinearProblem, Stretch
+from testbench.measured.models.linear_problem import Common, LinearProblem, Stretch
 from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 

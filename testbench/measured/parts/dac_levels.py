@@ -23,7 +23,7 @@ from analog_frontend import dac_levels
 from analog_frontend.parts import dac
 from testbench.errors import ConfigError
 from testbench.measured.formats import levels_mat
-from testbench.measured.models.linear import Dense, Diagonal, LinearProblem, Stretch
+from testbench.measured.models.linear_problem import Dense, Diagonal, LinearProblem, Stretch
 from testbench.measured.models.part_problem import Family
 from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment

@@ -16,7 +16,7 @@ import numpy as np
 from testbench.errors import ConfigError
 from testbench.measured.formats import input_output, recognised
 from testbench.measured.models import mode, splits
-from testbench.measured.models.noise import Noise
+from testbench.measured.models.row_noise import Noise
 from testbench.measured.models.terms import FORCES, GRAMMAR, TERMS
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
@@ -305,8 +305,8 @@ def _are(paths):
 
 def jobs(paths):
     """[(label, paths, options)]: all records of a folder are of one part."""
-    found = _are(paths)
-    return [("free run", found, {})] if found else []
+    record_paths = _are(paths)
+    return [("free run", record_paths, {})] if record_paths else []
 
 
 def opener(paths, options):

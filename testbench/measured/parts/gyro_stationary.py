@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from scipy.special import digamma, polygamma
 
 from testbench.measured.formats import gyro_npz
-from testbench.measured.models.linear import Dense, Diagonal, observable_rms
+from testbench.measured.models.linear_problem import Dense, Diagonal, observable_rms
 from testbench.measured.models.part_problem import PartProblem
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
 
@@ -222,10 +222,10 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
         return self._again(self.model_laws, data)
 
     def _again(self, model_laws, data):
-        made = copy.copy(self)
-        made.model_laws, made._data = tuple(model_laws), list(data)
-        made._build()
-        return made
+        new_problem = copy.copy(self)
+        new_problem.model_laws, new_problem._data = tuple(model_laws), list(data)
+        new_problem._build()
+        return new_problem
 
     def details(self, name, values):
         """Where a line settles, as fitted: its law is named by the nearest frequency of a grid; {} for other laws."""

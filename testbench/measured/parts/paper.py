@@ -9,8 +9,8 @@ Source    docs/measured_parts.md, docs/phases.md
 import html
 
 from testbench.judge import judge
+from testbench.judge.number_verdict import CONTRADICTED
 from testbench.judge.numbers import HEAD
-from testbench.judge.verdict import CONTRADICTED
 from testbench.measured.exam import part_page
 from testbench.measured.formats.paper_numbers import Numbers
 from testbench.measured.parts.paper_questions import rivals

@@ -17,7 +17,7 @@ import numpy as np
 from fpga_model.jit import kernel
 from testbench.errors import FileError
 from testbench.measured.formats import recognised, ringdown_text
-from testbench.measured.models.noise import turns
+from testbench.measured.models.row_noise import turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
 from testbench.measured.parts.ringdown_stretch import (

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.ndimage import median_filter
 
-from testbench.measured.models.noise import likeliest
+from testbench.measured.models.row_noise import likeliest
 
 STEP_DB, MOST_STEP_DB, JUMP_DB = 0.5, 1.5, 6.0
 SHARE, NARROW = 100, 9  # width of the running median: a share of the record, at least so many samples
@@ -20,7 +20,7 @@ FLAT = 3.0  # an end that takes so many times as long as the same fall before it
 HEAD, CORNERS = 8, 200  # fall in which the corner is looked for, in rises, and places
 SURE = 25.0  # of chi2, by which a later corner may be worse: five sigmas of its place
 STILL = 0.3  # of the first half's fall: an end of a record that falls less is at its background
-TAIL, BEHIND, BEFORE = 5, 30, 60  # share of a record that is its end; samples that a background needs
+TAIL, SAMPLES_AFTER, SAMPLES_BEFORE = 5, 30, 60  # share of a record that is its end; samples that a background needs
 KNOTS = 8  # of the smooth curve
 LEAST_NOISE_DB = 1e-6
 DB = 10.0 / np.log(10.0)
@@ -95,22 +95,23 @@ def _corner(p):
 def background(p):
     """Power (dBm) that stands in a record beside its decay: behind it up to a jump, or before it; None if neither does.
 
-    What is short (BEHIND samples behind, BEFORE before, where an earlier decay may still ring) or still falls is none.
+    What is short (SAMPLES_AFTER samples behind, SAMPLES_BEFORE before, where an earlier decay may still
+    ring) or still falls is none.
     """
     smooth, (a, b) = running_median(p), stretch(p)
-    if b - a < BEHIND:
+    if b - a < SAMPLES_AFTER:
         return None
     ends = jumps(p)
     last = next((int(e) for e in ends if e >= b + 5), len(p))
     first = next((int(e) for e in ends if e < a), 0)
-    pieces, after, tail = [], p[b + 5 : last], p[max(a, last - max((last - a) // TAIL, BEHIND)) : last]
+    pieces, after, tail = [], p[b + 5 : last], p[max(a, last - max((last - a) // TAIL, SAMPLES_AFTER)) : last]
     half = a + int(np.argmax(smooth[a:b] < (smooth[a] + smooth[b - 1]) / 2))
     usual = (smooth[a] - smooth[half]) / max(half - a, 1) * len(tail) / 2
-    if len(after) >= BEHIND and abs(_fall(after)) < JUMP_DB:
+    if len(after) >= SAMPLES_AFTER and abs(_fall(after)) < JUMP_DB:
         pieces.append(after)
     elif _fall(tail) < STILL * usual:
         pieces.append(p[a + int(np.argmax(smooth[a:last] < np.median(tail) + JUMP_DB / 2)) : last])
-    if first >= BEFORE and abs(_fall(p[:first])) < JUMP_DB:
+    if first >= SAMPLES_BEFORE and abs(_fall(p[:first])) < JUMP_DB:
         pieces.append(p[:first])
     return min((float(10 * np.log10(np.mean(10 ** (piece / 10)))) for piece in pieces), default=None)
 

@@ -34,8 +34,10 @@ class Second(NamedTuple):
 
     def words(self):
         hz, sd = float(np.exp(self.ln_g)) / TWO_PI, self.sd
-        said = f"a second mode at {self.f_hz:.2f} +- {sd[0]:.2g} Hz, {hz:.3g} +- {hz * sd[1]:.2g} Hz wide"
-        return f"{said}, {np.sqrt(2 * self.gain):.1f} sigma (limit {np.sqrt(2 * self.limit):.1f}): part of the model"
+        mode_text = f"a second mode at {self.f_hz:.2f} +- {sd[0]:.2g} Hz, {hz:.3g} +- {hz * sd[1]:.2g} Hz wide"
+        return (
+            f"{mode_text}, {np.sqrt(2 * self.gain):.1f} sigma (limit {np.sqrt(2 * self.limit):.1f}): part of the model"
+        )
 
 
 def fit(columns_of, piece, s, used, q, scales, law=""):

@@ -26,7 +26,7 @@ SLOWEST = 1e-9  # points per s: below, the mode is always settled
 LN_G2_SD = 0.3
 TWO_PI = 2 * np.pi
 PATH = ("b0", "b1", "b2")
-NEAR_HZ = 1000.0  # of a peak, in the test of where the rest is
+PEAK_BAND_HZ = 1000.0  # of a peak, in the test of where the rest is
 SPACINGS = 200
 NUDGES = ((0.0, 0.0, 0.0), (1e-3, 0.0, 0.0), (0.0, 1e-4, 0.0), (0.0, 0.0, 1e-3))  # f0 (Hz), ln g, points per s
 BINS = 4  # of a step, in the test of any waveform
@@ -39,7 +39,7 @@ class Sweep(NamedTuple):
 
     f_hz: np.ndarray
     x: np.ndarray
-    behind: np.ndarray
+    step_mask: np.ndarray
     number: str
 
 
@@ -147,7 +147,7 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         if len(q) > 2:  # it has no laws of its own
             g2, laws = float(np.exp(q[3])), {k: v for k, v in effects.items() if k not in ("duffing", "damping_cubic")}
             other = [envelope(f, q[2], g2, laws) * g2 / 2]
-        step = complex(effects.get("path_step_re", 0.0), effects.get("path_step_im", 0.0)) * piece.data.behind
+        step = complex(effects.get("path_step_re", 0.0), effects.get("path_step_im", 0.0)) * piece.data.step_mask
         return np.column_stack([a, np.ones(len(x)), x, x * x, *other]), step
 
     def _stack_parts(self, piece, q, linear, effects):
@@ -168,10 +168,10 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         n = len(residual) // 2
         f = piece.data.f_hz[piece.scored[:n]] - piece.data.f_hz[0] - self.offset(piece, values, laws)
         power = residual[:n] ** 2 + residual[n:] ** 2
-        peak_rows, rate = np.abs(f) < NEAR_HZ, float(laws.get("sweep_rate", 0.0))
-        measures = {"near_hz": NEAR_HZ, "near_power": float(power[peak_rows].sum() / power.sum())}
+        peak_rows, rate = np.abs(f) < PEAK_BAND_HZ, float(laws.get("sweep_rate", 0.0))
+        measures = {"near_hz": PEAK_BAND_HZ, "near_power": float(power[peak_rows].sum() / power.sum())}
         measures["near_rows"] = float(peak_rows.mean())
-        words = f"{100 * measures['near_power']:.0f} % of its power within {NEAR_HZ / 1e3:g} kHz of the peak, in "
+        words = f"{100 * measures['near_power']:.0f} % of its power within {PEAK_BAND_HZ / 1e3:g} kHz of the peak, in "
         words += f"{100 * measures['near_rows']:.0f} % of the rows"
         response = 1e3 * self.response(piece, values, laws)[piece.scored[:n]]
         share, p, phase = across(residual[:n] + 1j * residual[n:], response)
@@ -215,7 +215,7 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
             at = [envelope(first.data.f_hz, f0 + a, float(np.exp(ln_g + b)), laws) for a, b, _ in NUDGES]
             x = first.data.x
             bent = [at[1] - at[0], at[2] - at[0]]
-            columns = np.column_stack([y[0], np.ones(len(x)), x, x * x, first.data.behind, other, *bent])
+            columns = np.column_stack([y[0], np.ones(len(x)), x, x * x, first.data.step_mask, other, *bent])
             columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
             c = np.linalg.lstsq(columns, mine, rcond=None)[0]
             factor = abs(c[0]) / np.linalg.norm(y[0])
@@ -237,7 +237,7 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         _waveforms(f, shift_hz, f0, float(np.exp(ln_g)), 1.0 / rate, BINS, columns)
         at = [envelope(f, f0 + a, float(np.exp(ln_g + b)), laws | {"sweep_rate": rate + c}) for a, b, c in NUDGES]
         bent = [other - at[0] for other in at[1:]]
-        columns = np.column_stack([columns, np.ones(len(x)), x, x * x, piece.data.behind, other, *bent])
+        columns = np.column_stack([columns, np.ones(len(x)), x, x * x, piece.data.step_mask, other, *bent])
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         y = _complex(piece.rows)
         c, _, rank, _ = np.linalg.lstsq(columns, y, rcond=1e-12)

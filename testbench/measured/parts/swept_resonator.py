@@ -13,7 +13,7 @@ from scipy.signal import find_peaks
 
 from testbench.errors import FileError
 from testbench.measured.formats import recognised, touchstone
-from testbench.measured.models.noise import Noise
+from testbench.measured.models.row_noise import Noise
 from testbench.measured.models.working import Working
 from testbench.measured.parts import second_mode
 from testbench.measured.parts.part import Piece
@@ -133,7 +133,7 @@ def problem(sweeps):
     for name, value in zip(("k", *PATH, "k2"), linear):
         for part, v in (("re", value.real), ("im", value.imag)):
             nuisances.append(Nuisance(f"{name}_{part}_1", "1", float(v), 10 * level, 1e-6 * level))
-    has_steps = any(np.any(np.diff(p.data.behind)) for p in pieces)
+    has_steps = any(np.any(np.diff(p.data.step_mask)) for p in pieces)
     laws = sweep_laws(has_steps, float(np.exp(ln_g)), float(np.exp(ln_g)) / TWO_PI, level)
     hashes = {f"record_{k + 1}": file_sha256(sweep.path) for k, sweep in enumerate(sweeps)}
     resonator = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)

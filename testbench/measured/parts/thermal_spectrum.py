@@ -12,7 +12,7 @@ from scipy.special import wofz
 
 from testbench.errors import FileError
 from testbench.measured.formats import recognised, ringdown_text
-from testbench.measured.models.noise import Noise, neighbours, turns
+from testbench.measured.models.row_noise import Noise, neighbours, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
 from testbench.measured.quality.rows import series
@@ -112,5 +112,5 @@ def jobs(paths):
 
 def opener(paths, options):
     """`Problem` of one spectrum; None if the file is another."""
-    found = _load_spectra(paths)
-    return problem(found[0][1]) if len(paths) == 1 and found else None
+    spectra = _load_spectra(paths)
+    return problem(spectra[0][1]) if len(paths) == 1 and spectra else None

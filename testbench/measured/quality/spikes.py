@@ -22,7 +22,7 @@ from testbench.measured.quality.rows.series import (
 from testbench.measured.quality.sheet import DB_PER_NEPER, SIGNAL
 
 AGREE = 0.5  # of the row's own distance: how far apart its neighbours may be
-ALONE = 1 / 3
+ISOLATION = 1 / 3
 QUIET_DB = 0.1
 ALIKE = 0.9  # cosine of the rest and of what one row makes of it
 RELATIVE = 1e-6  # of a usual response: the least noise
@@ -45,7 +45,7 @@ def spike_rows(v, fast=False, dips=False):
     out[[1, -2]] = False
     out[2:-2] &= flank < AGREE * np.abs(midpoint_residual[2:-2])
     around = np.sort([np.abs(np.roll(midpoint_residual, k)) for k in (-5, -4, -3, -2, 2, 3, 4, 5)], axis=0)
-    out &= around[-2] < ALONE * np.abs(midpoint_residual)
+    out &= around[-2] < ISOLATION * np.abs(midpoint_residual)
     return out & ~(dips & (midpoint_residual < 0) & (scale > QUIET_DB))
 
 

@@ -23,7 +23,7 @@ FACTORS = {
     57.29578: "180/pi",
     1 / 57.29578: "pi/180",
 }
-NEAR = 0.25  # of ln: how near a ratio is to a factor
+FACTOR_TOLERANCE = 0.25  # of ln: how near a ratio is to a factor
 FAR_OFF = 30.0
 MOST_Q = 1e11
 DB = 10.0 / np.log(10.0)
@@ -36,7 +36,7 @@ def factor_words(ratio):
     """Words of the factor that a ratio is near to, or ""."""
     if not (np.isfinite(ratio) and ratio > 0):
         return ""
-    return next((words for f, words in FACTORS.items() if abs(np.log(ratio / f)) < NEAR), "")
+    return next((words for f, words in FACTORS.items() if abs(np.log(ratio / f)) < FACTOR_TOLERANCE), "")
 
 
 def limit_findings(sheet):
@@ -131,7 +131,7 @@ RULES |= {"sweep": _sweep_units, "rest": _stationary_units}
 
 def check(sheet):
     """Findings about a sheet."""
-    found = list(limit_findings(sheet))
-    if not found and sheet.kind in RULES:
-        found += RULES[sheet.kind](sheet)
-    return found
+    findings = list(limit_findings(sheet))
+    if not findings and sheet.kind in RULES:
+        findings += RULES[sheet.kind](sheet)
+    return findings

@@ -65,7 +65,7 @@ def log(record):
             yield Finding("R04", f"/registers/{name}", text)
 
 
-def segments(record):
+def check_segments(record):
     table, span = record.tables["segments"], span_edges(record)
     last, ids = 0, set()
     for name, a, b, kind, role in schema.rows(table, "id", "edge_a", "edge_b", "kind", "role"):

@@ -26,7 +26,7 @@ def check(record):
     try:
         for rule in RULES:
             # each rule may rely on what the ones before it have found in order
-            if any(f.level == schema.REFUSED for f in findings) and rule in LATE:
+            if any(f.level == schema.REFUSED for f in findings) and rule in DEPENDENT_RULES:
                 continue
             findings += rule(record)
         if not any(f.level == schema.REFUSED for f in findings):
@@ -214,19 +214,19 @@ def _alive(record):
 
 
 # Rules that take for granted what the ones before them ask for
-LATE = (
+DEPENDENT_RULES = (
     _rates,
     _ordered,
     _gaps,
     _alive,
     check_tables.identities,
     check_tables.log,
-    check_tables.segments,
+    check_tables.check_segments,
     check_tables.repeats,
     check_tables.priors,
     check_tables.counters,
     check_tables.uncertain,
 )
-RULES = (_complete, _units, _codes, _finite_values, *LATE)
+RULES = (_complete, _units, _codes, _finite_values, *DEPENDENT_RULES)
 # Rules about what a record of sound form says; none relies on another
 MEANING = (*meaning_segments.RULES, *meaning_streams.RULES, *meaning_scales.RULES)

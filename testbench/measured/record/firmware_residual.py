@@ -27,9 +27,9 @@ from testbench.run import build
 
 BLOCK_FRAMES = 400_000
 TICK_BLOCK_FRAMES = 4000
-LATE_TICKS = 3  # at most, from a modulator's code to the DAC
+DAC_DELAY_TICKS = 3  # at most, from a modulator's code to the DAC
 MORE_FRAMES = 8000  # behind a difference, in which a mistake undone must explain everything
-UNKNOWN_TICKS = LATE_TICKS  # whose codes were decided before the record begins
+UNDECIDED_TICKS = DAC_DELAY_TICKS  # whose codes were decided before the record begins
 # In the order in which a window computes them, and the register that each is
 REGISTERS = {
     "magnitude": "control.cordic.magnitude",
@@ -227,20 +227,20 @@ def replay_blocks(record, session, p, ticked=False):
     """Yield (frames before, frames, `replay.Rows`) of a session, block by block; with DAC codes of ticks if asked."""
     x, order = stimulus(record, session), replay.order(p)
     s = replay.power_on() if session.powered else _initial(record)
-    tail = np.zeros((LATE_TICKS, 2), np.int64)
+    tail = np.zeros((DAC_DELAY_TICKS, 2), np.int64)
     last = np.zeros(len(replay.WORDS), np.int64)
     start, most = 0, TICK_BLOCK_FRAMES if ticked else BLOCK_FRAMES
     while start < session.frames:
         n = min(most, session.frames - start)
-        o = replay.rows(n, ticks=FRAME_TICKS * n + LATE_TICKS if ticked else 0)
+        o = replay.rows(n, ticks=FRAME_TICKS * n + DAC_DELAY_TICKS if ticked else 0)
         # codes decided at the end of a block belong to the first rows of the next one
         o.words[0] = last
         if ticked:
-            o.codes[:LATE_TICKS] = tail
+            o.codes[:DAC_DELAY_TICKS] = tail
         s = replay.run(p, s, x, o, order, True)
         last = o.words[-1].copy()
         if ticked:
-            tail = o.codes[-LATE_TICKS:].copy()
+            tail = o.codes[-DAC_DELAY_TICKS:].copy()
         yield start, n, o
         start += n
 
@@ -257,7 +257,7 @@ def _compare_block(record, session, start, n, o, streams, ticked, out):
             predicted = o.words[:n, replay.WORDS.index(schema.REPLAYED[name])]
         wrong = have != predicted
         if name in schema.DAC and start == 0:
-            wrong[: UNKNOWN_TICKS if name in ticked and not session.powered else int(name not in ticked)] = False
+            wrong[: UNDECIDED_TICKS if name in ticked and not session.powered else int(name not in ticked)] = False
         count = int(wrong.sum())
         if count:
             out.differing[name] = out.differing.get(name, 0) + count

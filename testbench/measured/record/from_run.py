@@ -7,7 +7,7 @@ Source    docs/measured.md
 from testbench.config import changed
 from testbench.errors import ConfigError
 from testbench.measured.record import produce
-from testbench.measured.record.plan import Condition, Plan
+from testbench.measured.record.recording_plan import Condition, Plan
 from testbench.storage.record import write_record
 
 HEAD = ("lab", "device_serial", "board_rev", "licence")

@@ -17,8 +17,8 @@ from fpga_model import registers
 from fpga_model.rates import FRAME_CYCLES, MASTER_HZ
 from testbench.config import changed
 from testbench.measured.record import check_tables, schema
-from testbench.measured.record.meaning_segments import BEYOND, bank
-from testbench.measured.record.plan import LIMITS
+from testbench.measured.record.meaning_segments import COVERAGE_FACTOR, bank
+from testbench.measured.record.recording_plan import LIMITS
 from testbench.measured.record.schema import REFUSED, WARNED, Finding
 from testbench.measured.record.sessions import sessions
 from testbench.run.budget import budget
@@ -55,7 +55,7 @@ def lsb(record):
         elif not LSB_UNC[0] <= part <= LSB_UNC[1]:
             text = f"expected lsb_V_unc within {LSB_UNC[0]:g} .. {LSB_UNC[1]:g} of lsb_V, found {part:.3g} of it"
             yield Finding("R29", path, text, WARNED)
-        limit = LSB_SHARE + BEYOND * min(part, LSB_UNC[1])
+        limit = LSB_SHARE + COVERAGE_FACTOR * min(part, LSB_UNC[1])
         if abs(size / nominal[name] - 1) > limit:
             text = f"expected lsb_V = {nominal[name]:.6g} V of its converter within {100 * limit:.3g} %"
             yield Finding("R29", path, f"{text}, found {size:.6g} V", WARNED)
@@ -63,7 +63,7 @@ def lsb(record):
             ratios[name] = (size / nominal[name], part)
     middle = float(np.median([ratio for ratio, _ in ratios.values()])) if ratios else 1.0
     for name, (ratio, part) in ratios.items():
-        limit = MATCH_SHARE + BEYOND * part
+        limit = MATCH_SHARE + COVERAGE_FACTOR * part
         if abs(ratio / middle - 1) > limit:
             text = f"expected lsb_V of the other channels ({middle * nominal[name]:.6g} V) within {100 * limit:.3g} %"
             yield Finding("R29", f"/streams/{name}", f"{text}, found {ratio * nominal[name]:.6g} V", WARNED)
@@ -129,7 +129,7 @@ def _frequency(record, name, k, hz, reading):
         text = f"expected {lo:.2g} .. {hi:.3g} Hz, twice a count of its gate, found {unc:.4g} in row {k}"
         yield Finding("R31", f"/{name}/unc", text, WARNED)
     true = hz * (1 + 1e-6 * record.clock_ppm)
-    limit = BEYOND * min(unc, hi) + hz * 1e-6
+    limit = COVERAGE_FACTOR * min(unc, hi) + hz * 1e-6
     if hz and abs(value - true) > limit:
         how = REFUSED if abs(value - true) > 1e-6 * MOST_PPM * hz + limit else WARNED
         text = f"expected {true:.9g} Hz of nco_fword and /clock within {limit:.2g} Hz, found {value:.9g} in row {k}"
@@ -153,7 +153,7 @@ def _phase(record, name, k, edge, reading):
     config = changed(check_tables.stated_config(record), angles)
     budget_deg = budget(config).node_deg()[node]
     plain = budget_deg - angles[f"firmware.phase_{axis}_ref_deg"] + angles[f"firmware.phase_{axis}_sine_deg"]
-    limit = PHASE_SHARE * abs(plain) + PHASE_DEG + BEYOND * unc
+    limit = PHASE_SHARE * abs(plain) + PHASE_DEG + COVERAGE_FACTOR * unc
     error = math.remainder(value - budget_deg, 360)
     if abs(error) > limit:
         text = f"expected {budget_deg:.4g} deg of the budget within {limit:.3g} deg, found {value:.4g} in row {k}"

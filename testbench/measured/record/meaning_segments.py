@@ -20,7 +20,7 @@ from testbench.measured.record.schema import REFUSED, WARNED, Finding
 from testbench.measured.record.sessions import UNSEEN, sessions
 from testbench.run import build
 
-BEYOND = 5.0  # stated standard uncertainties
+COVERAGE_FACTOR = 5.0  # stated standard uncertainties
 RATE_SHARE, RATE_DPS = 0.01, 0.1  # what a rate table and its operator leave open
 TEMP_K = 2.0  # of a chamber: what IEC 60068-2-1 and -2-2 allow
 AMPLITUDE_SHARE = 0.01  # a set-point that is stated to three digits
@@ -62,12 +62,12 @@ class Stated:
 def rate_limit(stated, row):
     """How far (deg/s) a rate may lie from that of a row of /stimulus/rate."""
     size = abs(float(stated.values[row]))
-    return (RATE_SHARE + BEYOND * 1e-6 * float(stated.unc[row])) * size + RATE_DPS
+    return (RATE_SHARE + COVERAGE_FACTOR * 1e-6 * float(stated.unc[row])) * size + RATE_DPS
 
 
 def temp_limit(stated, row):
     """The same of a temperature (K)."""
-    return TEMP_K + BEYOND * float(stated.unc[row])
+    return TEMP_K + COVERAGE_FACTOR * float(stated.unc[row])
 
 
 def segments(record):

@@ -16,7 +16,7 @@ from analog_frontend.parts import adc, propagator
 from fpga_model import cordic, sequencer
 from fpga_model.rates import FRAME_CYCLES
 from testbench.measured.record import check_tables, schema
-from testbench.measured.record.meaning_segments import BEYOND, CONDITIONS, Stated, bank, rate_limit, segments
+from testbench.measured.record.meaning_segments import CONDITIONS, COVERAGE_FACTOR, Stated, bank, rate_limit, segments
 from testbench.measured.record.schema import REFUSED, WARNED, Finding
 from testbench.measured.record.sessions import UNSEEN, received_rows, sessions
 
@@ -27,7 +27,7 @@ FORCE_SHARE, FORCE_DPS = 0.25, 10.0  # tolerance of force and mass; a tenth of t
 SETTLED = 10.0  # time constants of the rate loop from a step to where its force is judged
 SENSOR_K = 10.0  # the sensor's own error, and a die that is warmer than its surroundings
 COPIED_ROWS, COPIED_CODES = 16, 8  # equal rows of two channels in a row, and different codes among them
-REST_ROWS, REST_TIMES = 20, 5  # rows that rest, and times the next longer rest
+STUCK_ROWS, STUCK_FACTOR = 20, 5  # rows that rest, and times the next longer rest
 CHANCE = 1e-5  # that all channels repeat in a session's last rows
 STEP_FRAMES, STEP_SHARE = 3, 0.05  # a sinc3 filter has settled after three conversions
 MOST_BAD = 0.01  # part of the frames of a locked loop with a bad status word
@@ -127,7 +127,7 @@ def sensor(record):
             continue
         volts = column.data[rows].mean() * lsb
         sensor_degc = 25.0 + (volts - adc.SENSOR_V_AT_25_DEGC) / adc.SENSOR_V_PER_K
-        limit = SENSOR_K + BEYOND * (float(stated.unc[row]) + abs(volts) * unc / lsb / adc.SENSOR_V_PER_K)
+        limit = SENSOR_K + COVERAGE_FACTOR * (float(stated.unc[row]) + abs(volts) * unc / lsb / adc.SENSOR_V_PER_K)
         value = float(stated.values[row])
         if not -limit <= sensor_degc - value <= limit + warmer:
             reported.add(row)
@@ -138,8 +138,8 @@ def sensor(record):
 def runs(equal):
     """(first, length) of runs of True, longest first."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.astype(np.int8), [0]])))
-    found = sorted(zip((edges[1::2] - edges[::2]).tolist(), edges[::2].tolist()), reverse=True)
-    return [(first, length) for length, first in found]
+    runs_by_length = sorted(zip((edges[1::2] - edges[::2]).tolist(), edges[::2].tolist()), reverse=True)
+    return [(first, length) for length, first in runs_by_length]
 
 
 def _channels(record):
@@ -179,8 +179,8 @@ def rests(record):
     still = {name: np.diff(codes) == 0 for name, codes in channels.items()}
     for name, equal in still.items():
         (first, length), *next_runs = [*runs(equal & locked[1:]), (0, 0), (0, 0)][:2]
-        if length >= REST_ROWS and length > REST_TIMES * next_runs[0][1]:
-            text = f"expected rests of at most {max(REST_ROWS, REST_TIMES * next_runs[0][1])} rows"
+        if length >= STUCK_ROWS and length > STUCK_FACTOR * next_runs[0][1]:
+            text = f"expected rests of at most {max(STUCK_ROWS, STUCK_FACTOR * next_runs[0][1])} rows"
             yield Finding("R28", f"/streams/{name}", f"{text}, found rows {first} to {first + length}", WARNED)
     chance = math.prod(float(equal[locked[1:]].mean()) if locked[1:].any() else 1.0 for equal in still.values())
     together = np.logical_and.reduce(list(still.values()))

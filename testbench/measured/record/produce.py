@@ -18,9 +18,9 @@ from testbench.config import phase_word, to_toml
 from testbench.engines.window import SLOT_WORD
 from testbench.errors import ConfigError
 from testbench.measured.record import schema, timing
-from testbench.measured.record.plan import RAMP_FRAMES
+from testbench.measured.record.recording_plan import RAMP_FRAMES
 from testbench.measured.record.sessions import UNSEEN
-from testbench.port import library
+from testbench.port import plant_loader
 from testbench.port.plant import reads
 from testbench.run import build, design_check, simulate
 from testbench.run.simulation import Simulation
@@ -179,7 +179,7 @@ def record(plan, progress=None):
         raise ConfigError(f'firmware.board = "{plan.truth.firmware.board}": records need "analog_sid"')
     foreign = plan.truth.scenario.plant
     if foreign:
-        _check_foreign(plan, library.open_library(foreign).keys)
+        _check_foreign(plan, plant_loader.open_library(foreign).keys)
     sittings, schedule = [], [(c, r) for r in range(plan.repeats) for c in plan.conditions]
     for number, (condition, repeat) in enumerate(schedule):
         sittings.append(Sitting(plan, condition, repeat, number))

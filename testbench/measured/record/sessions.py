@@ -60,9 +60,9 @@ def sessions(record):
 def segments(record):
     """Every `Segment` of a checked record, in order."""
     out = []
-    for name, a, b, *rest in schema.rows(record.tables["segments"], *schema.TABLES["segments"]):
+    for name, a, b, *fields in schema.rows(record.tables["segments"], *schema.TABLES["segments"]):
         first = -(-a // FRAME_CYCLES)
-        out.append(Segment(name, first, b // FRAME_CYCLES - first, *rest))
+        out.append(Segment(name, first, b // FRAME_CYCLES - first, *fields))
     return out
 
 

@@ -47,10 +47,10 @@ def _tick_words(b, old, new, tick, n):
     """Amplitude and rate words of `n` ticks, in which a window may leave others. Mutates `b`."""
     for k in range(n):
         slot = TICK_CYCLES * (tick + k) - 1 - new[VALID]
-        late = new[VALID] < 0 or slot < SLOT_SEQUENCER
+        is_stale = new[VALID] < 0 or slot < SLOT_SEQUENCER
         amplitude = new[AMPLITUDE_MID] if slot <= SLOT_PI else new[AMPLITUDE]
-        b.amplitude[k] = old[AMPLITUDE] if late else amplitude
-        b.rate[k] = old[RATE] if late or slot <= SLOT_PI else new[RATE]
+        b.amplitude[k] = old[AMPLITUDE] if is_stale else amplitude
+        b.rate[k] = old[RATE] if is_stale or slot <= SLOT_PI else new[RATE]
 
 
 @inner

@@ -33,7 +33,7 @@ class AveragedLoop:
     def __init__(self, measured, model, parameters, bench):
         self.model, self.parameters, self.bench = model, tuple(parameters), bench
         self.conditions = [c for c in measured.conditions if c.role == "fit"]
-        sizes = [loop_runs.size(c) for c in self.conditions]
+        sizes = [loop_runs.feature_count(c) for c in self.conditions]
         self.recorded = [measured.values[c.id][:, :n] for c, n in zip(self.conditions, sizes)]
         self.features = np.concatenate([rows.mean(axis=0) for rows in self.recorded])
         self.repeats = np.repeat([len(rows) for rows in self.recorded], sizes)

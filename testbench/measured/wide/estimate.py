@@ -23,8 +23,11 @@ from testbench.measured.wide import noise_levels
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
 CAP = 300.0
-NOISE, DRAWS, LOOKS = 8, 8, 3  # of the averaged plant: for its noise, for a prediction of the last stage
-NEAR, SHORT = 5.0, 0.02  # a step of fewer sigmas, as noise alone moves 18 parameters, or of this share of the residual
+NOISE, DRAWS, MOST_ATTEMPTS = 8, 8, 3  # of the averaged plant: for its noise, for a prediction of the last stage
+SMALL_STEP, SHORT = (
+    5.0,
+    0.02,
+)  # a step of fewer sigmas, as noise alone moves 18 parameters, or of this share of the residual
 MISSED = 0.3  # share of a step by which its end may miss what the columns promised, for them to serve again
 REGION, SHRINK = 1.0, 0.3  # sds of the priors: the largest step; factor of a region
 SPLIT, RING = "plant.fy_hz", "plant.qy"  # another well is an sd of the one away; the other then begins at the sheet
@@ -64,8 +67,8 @@ class Step(NamedTuple):
 
     stage: str
     rms: float
-    moved: float
-    kept: float  # share of the promised decrease
+    step_sigma: float
+    gain_ratio: float  # share of the promised decrease
     radius: float  # of the region, in sds of the priors
 
 
@@ -144,13 +147,13 @@ class Work:
             self.sigma, self.whitening = self.loop.whitening_matrix(self.u)
         except ConfigError:
             return False
-        for attempt in range(LOOKS):
+        for attempt in range(MOST_ATTEMPTS):
             mean, slip_free = self.loop.mean(self.u, DRAWS, EXACT), self.loop.slip_free_features(self.u)
             if mean is None or slip_free is None:
                 return False
             self.exact_excess, begun = mean[0] - slip_free, slip_free
             ended = self.run_stage(stage, self.last_columns[1] if attempt else None)
-            if ended and np.linalg.norm(self.whitening @ (self.loop.slip_free_features(self.u) - begun)) < NEAR:
+            if ended and np.linalg.norm(self.whitening @ (self.loop.slip_free_features(self.u) - begun)) < SMALL_STEP:
                 return True
         return False
 
@@ -195,9 +198,11 @@ class Work:
                 missed = np.linalg.norm(w @ (new_features - features - columns @ change))
                 self.u, features = ahead, new_features
             # a small region makes a step short, but is no end; a short step that new columns break their word for is
-            if free < max(NEAR, SHORT * float(np.linalg.norm(b))) or (gain_ratio <= 0 and fresh and free < 2 * NEAR):
+            if free < max(SMALL_STEP, SHORT * float(np.linalg.norm(b))) or (
+                gain_ratio <= 0 and fresh and free < 2 * SMALL_STEP
+            ):
                 return True
-            if (gain_ratio > 0 and missed > max(NEAR, MISSED * step_sigma)) or (gain_ratio <= 0 and not fresh):
+            if (gain_ratio > 0 and missed > max(SMALL_STEP, MISSED * step_sigma)) or (gain_ratio <= 0 and not fresh):
                 columns = None
         return False
 

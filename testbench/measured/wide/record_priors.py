@@ -8,7 +8,7 @@ Source    docs/wide_priors.md
 from pathlib import Path
 
 from testbench.measured.residual import parameters
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 from testbench.measured.wide.estimate import estimate
 
 
@@ -21,9 +21,9 @@ class Calibrated:
     def __call__(self, data, model, record, bench):
         declared = parameters.read_parameters(record) if len(record.tables["priors"]["param"].data) else ()
         if self.priors:
-            path = sheet.OWN if self.priors == sheet.NAMED else Path(self.priors)
-            declared = sheet.parameters(model, sheet.read(path), declared)
-        if not sheet.wide(declared):
+            path = data_sheet.BUNDLED_SHEET if self.priors == data_sheet.BUNDLED_NAME else Path(self.priors)
+            declared = data_sheet.parameters(model, data_sheet.read(path), declared)
+        if not data_sheet.wide(declared):
             return (model, declared, ()) if self.priors else None
         result = estimate(data, model, declared, bench, self.progress)
         return result.config, result.parameters, result.lines()

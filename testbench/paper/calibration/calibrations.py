@@ -10,9 +10,9 @@ from pathlib import Path
 
 from fpga_model.dds import offset_of_deg
 from testbench import config as configuration
-from testbench.paper.calibration import boards
+from testbench.paper.calibration import calibration_boards
 from testbench.paper.calibration.bench import Bench, Judge
-from testbench.paper.calibration.calibrate import NODES, REGISTER, calibrate
+from testbench.paper.calibration.calibrate_phases import NODES, REGISTER, calibrate
 from testbench.storage.files import atomic_outputs, write_text
 
 PAPER_LEVEL_DEG, TARGET_DEG = 0.012, 0.002
@@ -53,7 +53,11 @@ def many(base, count, seed, temp_degc=25.0, compare=False, progress=None, engine
 
     engine  name of an engine instead of that of the configuration
     """
-    configs = [base] if count == 1 and seed is None else boards.draw_boards(base, 0 if seed is None else seed, count)
+    configs = (
+        [base]
+        if count == 1 and seed is None
+        else calibration_boards.draw_boards(base, 0 if seed is None else seed, count)
+    )
     out = []
     for number, config in enumerate(configs):
 
@@ -101,7 +105,7 @@ def write_cases(results, base, seed, directory):
     for result in results:
         lone = len(results) == 1 and seed is None
         folder = Path(directory) if lone else Path(directory) / f"board_{result['board']}"
-        board = base if lone else boards.draw(base, seed or 0, result["board"])
+        board = base if lone else calibration_boards.draw(base, seed or 0, result["board"])
         for case, values in result["cases_deg"].items():
             texts[folder / f"case_{case}.toml"] = configuration.to_toml(case_config(board, values))
     with atomic_outputs():

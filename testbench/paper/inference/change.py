@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.paper.inference import forward, heldout, infer, likelihood, priors, rows
+from testbench.paper.inference import forward, heldout_measurements, infer, likelihood, priors, rows
 
 REACH, STEP = 60.0, 0.02  # standard deviations of a prior
 FIRST, FAR, HALVED = 1 / 16, 8.0, 6  # first and last |d|; halvings of the last interval
@@ -103,18 +103,23 @@ def temperature_moves(paper, fold_result, group, best=2):
     post = post._replace(z=post.z[some], mode=mode, weight=post.weight[some])
     draws = {name: draws[name][some] for name in fold.rows}
     exact = forward.predict(post.z, post.mode, steps=False)
-    groups = dict.fromkeys(heldout.GROUPS[name] for name in fold.rows)
+    groups = dict.fromkeys(heldout_measurements.GROUPS[name] for name in fold.rows)
 
     def class_p(k, d):
         now = _shift_rows(post, draws, exact, fold, k, d)
         if not all(np.isfinite(a).all() for a in now.values()):
             return None
         classes = {
-            g: heldout.compared(fold.name, g, heldout.class_row_names(fold, g), now, post.weight, paper) for g in groups
+            g: heldout_measurements.compared(
+                fold.name, g, heldout_measurements.class_row_names(fold, g), now, post.weight, paper
+            )
+            for g in groups
         }
         return None if any(c.verdict == "contradicted" for c in classes.values()) else classes[group].p
 
-    p_before = heldout.compared(fold.name, group, heldout.class_row_names(fold, group), draws, post.weight, paper).p
+    p_before = heldout_measurements.compared(
+        fold.name, group, heldout_measurements.class_row_names(fold, group), draws, post.weight, paper
+    ).p
     size, met = FIRST, []
     while size <= FAR and len(met) < best:
         met = [(k, d) for k in range(infer.SIZE) for d in (-size, size) if class_p(k, d) is not None]
@@ -139,5 +144,7 @@ def with_other_sign(paper, fold, group, rng, draws, least):
     """`heldout.Class` of a temperature that was left out, with the other sign printed in SIGN_ROW."""
     turned = likelihood.Paper(paper.values | {SIGN_ROW: -paper.values[SIGN_ROW]})
     post = infer.posterior(likelihood.compared(turned, fold.rows), rng, draws, least)
-    row_draws = heldout.draw_predictions(post, rng)
-    return heldout.compared(fold.name, group, heldout.class_row_names(fold, group), row_draws, post.weight, turned)
+    row_draws = heldout_measurements.draw_predictions(post, rng)
+    return heldout_measurements.compared(
+        fold.name, group, heldout_measurements.class_row_names(fold, group), row_draws, post.weight, turned
+    )

@@ -29,18 +29,18 @@ def infer(o):
 
     outputs.check_folder(o.out)
     with Progress(quiet=o.as_json) as progress:
-        from testbench.paper.inference import files, page, study
+        from testbench.paper.inference import inference_files, inference_page, inference_study
         from testbench.storage.files import atomic_outputs
 
-        results = study.run_inference(progress=progress)
+        results = inference_study.run_inference(progress=progress)
         with atomic_outputs():
-            paths = files.write(results, o.out / "paper_inferred.toml")
-            written = [str(p) for p in (*paths, page.write(results, o.out / "inference.html"))]
+            paths = inference_files.write(results, o.out / "paper_inferred.toml")
+            written = [str(p) for p in (*paths, inference_page.write(results, o.out / "inference.html"))]
     if o.as_json:
-        print_json(files.round_numbers(results) | {"files": written})
+        print_json(inference_files.round_numbers(results) | {"files": written})
         return
-    print_tables([page.classes_table(results), page.measurements_table(results)])
-    print_list("", page.summary(results))
+    print_tables([inference_page.classes_table(results), inference_page.measurements_table(results)])
+    print_list("", inference_page.summary(results))
     print_list("Written:", written)
 
 

@@ -327,7 +327,7 @@ class BoardRows(NamedTuple):
 
 def compute_rows(z, mode, cases=CASES):
     """`BoardRows` of boards: z (boards, priors), mode of arrays; `cases` of the five register sets."""
-    v = priors.values(z)
+    v = priors.prior_values(z)
     room_deg, room, per_dps = _room(v, mode)
     phases = {node: room_deg[node] for node in ("xe1", "xe2", "ye1")}
     phases["ye2"] = room_deg["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)

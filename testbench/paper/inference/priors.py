@@ -95,7 +95,7 @@ PRIORS = (
 NAMES = tuple(p.name for p in PRIORS)
 
 
-def values(z):
+def prior_values(z):
     """{name: array} of the numbers; z (..., len(PRIORS))."""
     return {p.name: p.value(z[..., k]) for k, p in enumerate(PRIORS)}
 

@@ -24,7 +24,7 @@ UNITS = {"phases": "deg", "scale_factor": "LSB/(deg/s)", "arw": "deg/sqrt(h)", "
 STEPS = {"3to4": "case 3", "4to5": "case 4 vs"}
 STEPPED = ("scale_factor", "v_q", "bias")
 LOGARITHMIC = ("scale_factor", "arw", "bias_instability", "v_q")
-HELD_OUT = Path(__file__).with_name("heldout.csv")
+HELDOUT_PATH = Path(__file__).with_name("heldout.csv")
 
 MODEL_DEG = 0.003  # measured phases equal the budget within this
 
@@ -95,5 +95,5 @@ class Fold(NamedTuple):
 
 def folds():
     """Folds of the committed list, in its order."""
-    with HELD_OUT.open(newline="") as file:
+    with HELDOUT_PATH.open(newline="") as file:
         return tuple(Fold(n["fold"], n["rule"], tuple(n["rows"].split())) for n in csv.DictReader(file))

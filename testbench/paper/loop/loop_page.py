@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from testbench.config import changed
-from testbench.console.table import Table, fixed_digits
-from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch, sensitivity, temperature_tables
+from testbench.console.text_table import Table, fixed_digits
+from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch_loop, sensitivity, temperature_tables
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import simulate
@@ -46,7 +46,7 @@ class Study:
         # a notch of the firmware, or one at the ring
         self.in_firmware = firmware.notch_hz > 0
         self.notch_at = (firmware.notch_width_hz, firmware.notch_hz) if self.in_firmware else (None, None)
-        self.notch = notch.effect(self.parts, *self.notch_at) if self.advice.stable else None
+        self.notch = notch_loop.effect(self.parts, *self.notch_at) if self.advice.stable else None
         self.simulated = self.step = self.still = None
         self.slower = simulate.rate_loop_pace(config)
         self.lines_hz = tuple(f / self.slower for f in confirm.LINES_HZ) if self.slower > 1 else confirm.LINES_HZ

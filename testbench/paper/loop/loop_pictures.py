@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from testbench.console.report import BLUE, FONT, GREEN, GREY, VERMILION, make_axes, name_axes
-from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
+from testbench.paper.loop import advisor, confirm, limit_cycles, notch_loop, sensitivity
 from testbench.paper.loop import loop as lp
 
 UNSTABLE = "#9a9a9a"
@@ -102,13 +102,13 @@ def closed(p, simulated=None, lines_hz=confirm.LINES_HZ):
 
 def step(p, simulated=None, width_hz=None, centre_hz=None):
     """Rate step: the word with and without a notch, and the ring enlarged; `simulated` is (time s, words per final)."""
-    time_s, words = notch.step_words(p)
-    effect = notch.effect(p, width_hz, centre_hz)
+    time_s, words = notch_loop.step_words(p)
+    effect = notch_loop.effect(p, width_hz, centre_hz)
     figure, axes = make_axes("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
-            filtered = notch.applied(notch.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words)
+            filtered = notch_loop.applied(notch_loop.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words)
             label = f"behind a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
             axis.plot(time_s, filtered, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
         if simulated is not None:

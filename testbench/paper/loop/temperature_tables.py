@@ -6,7 +6,7 @@ Source    docs/parts/cv_noise.md
 import math
 
 from analog_frontend.parts.cv_noise import cv_noise_shares
-from testbench.console.table import Table, fixed_digits
+from testbench.console.text_table import Table, fixed_digits
 from testbench.paper.loop import derived
 
 TEMPS_DEGC = (-20.0, 25.0, 50.0)

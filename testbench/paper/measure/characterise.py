@@ -17,7 +17,7 @@ from testbench.campaign.plan.engines import Engine
 from testbench.engines import baseband
 from testbench.errors import ConfigError
 from testbench.paper.calibration.bench import Bench
-from testbench.paper.calibration.calibrate import SETTLE_S
+from testbench.paper.calibration.calibrate_phases import SETTLE_S
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
 from testbench.run import build
 
@@ -179,7 +179,7 @@ def choose_engine(config):
     return "baseband"
 
 
-def _compile():
+def _warm_up():
     from testbench.run import warmup
 
     warmup.warm_up()
@@ -189,5 +189,5 @@ POINTS = Engine(
     characterise_points,
     1,
     ("testbench.paper.measure.characterise", "testbench.run.simulate", "testbench.engines.baseband"),
-    _compile,
+    _warm_up,
 )

@@ -21,7 +21,7 @@ LINES_HZ = (0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 19.0, 22.0, 24.0, 25
 LINE_DPS = 4.0
 LEAD_S = 2.0  # the first run of the lines is left out
 SWEEP_S, SWEEP_HZ, SWEEP_DPS = 10.0, (0.5, 80.0), 20.0
-SWEEP_REST_S, SMOOTH_HZ = 2.0, 1.0
+SWEEP_PAUSE_S, SMOOTH_HZ = 2.0, 1.0
 HALF_DB = 20 * math.log10(math.sqrt(0.5))
 
 
@@ -83,11 +83,11 @@ def multisine(bench, lsb_per_dps):
 def swept(bench, lsb_per_dps):
     """`Response` from a rate that is swept through the band; spectra smoothed over SMOOTH_HZ."""
     slower, frame_s = bench.slower, bench.frame_s
-    frames, still = slower * round(SWEEP_S / frame_s), slower * round(SWEEP_REST_S / frame_s)
+    frames, still = slower * round(SWEEP_S / frame_s), slower * round(SWEEP_PAUSE_S / frame_s)
     t = (np.arange(frames + 2) + 0.5) * frame_s / slower
     rate = bench.part * SWEEP_DPS * signal.chirp(t, SWEEP_HZ[0], SWEEP_S, SWEEP_HZ[1], method="linear")
     rate = np.concatenate([rate[:frames], np.zeros(still + 2)])
-    rows = bench.record(slower * (SWEEP_S + SWEEP_REST_S), rate)
+    rows = bench.record(slower * (SWEEP_S + SWEEP_PAUSE_S), rate)
     words = rows["rate_word"].astype(float)
     n = min(len(words), frames + still)
     words = words[:n] - words[-still // 4 :].mean()

@@ -29,7 +29,7 @@ class Explained(NamedTuple):
     """Nonlinearity (ppm) of a point: as measured, of the rates between the knees, by the rails alone; the knees."""
 
     measured_ppm: float
-    within_ppm: float
+    unclipped_ppm: float
     rail_ppm: float
     ceiling_dps: float  # nan: V_q does not reach it
     zero_dps: float

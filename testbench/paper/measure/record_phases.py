@@ -11,7 +11,7 @@ Source    docs/paper.md
 
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
-from testbench.paper.calibration.calibrate import NODES, chop, detune, force_interval, interval
+from testbench.paper.calibration.calibrate_phases import NODES, chop, detune, force_interval, interval
 from testbench.paper.measure.characterise import choose_engine
 
 WARM_UP_S, RECORD_S = 1800.0, 7200.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.console.figure_files import Picture
 from testbench.console.report import GREEN, GREY, SKY, VERMILION, make_axes, name_axes
-from testbench.paper.calibration.calibrate import NODES
+from testbench.paper.calibration.calibrate_phases import NODES
 from testbench.paper.pictures import draw
 
 

@@ -13,7 +13,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 MARKS = ("o", "s", "^", "D", "v")
 LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 HANDLE_PX, LETTER_PX = 90, 7.6  # of an entry of a legend
-APART_PT = 4.0  # between the marks of two cases
+CASE_SPACING_PT = 4.0  # between the marks of two cases
 NODE_TEXT = {"xe1": "xe1", "xe2": "xe2'", "ye1": "ye1", "ye2": "ye2'"}
 MODEL, FORMULA = "simulated, 1 sigma", "formula"
 
@@ -46,7 +46,7 @@ def draw_marks(axis, x, y, sigma, label, shift_pt=0.0, **style):
 
 def mark_shift_pt(number, count):
     """Typographic points that mark `number` of `count` stands beside its place."""
-    return APART_PT * (number - (count - 1) / 2)
+    return CASE_SPACING_PT * (number - (count - 1) / 2)
 
 
 def legend(figure):

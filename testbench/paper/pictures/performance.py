@@ -103,7 +103,7 @@ def nonlinearity(explained, wide, printed):
         names = list(mine)
         values = [
             [e.measured_ppm for e, _ in mine.values()],
-            [e.within_ppm for e, _ in mine.values()],
+            [e.unclipped_ppm for e, _ in mine.values()],
             [e.rail_ppm for e, _ in mine.values()],
             [wide[c] if temp == 25.0 and c in wide else np.nan for c in names],
         ]

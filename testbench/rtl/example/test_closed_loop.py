@@ -79,19 +79,22 @@ def main():
 
     from testbench.config import Config
     from testbench.golden.loop.library import sources
-    from testbench.golden.recording import board
+    from testbench.golden.recording import board_recording
     from testbench.run import build
 
     with tempfile.TemporaryDirectory(prefix="gyro-example-") as folder:
         folder = Path(folder)
-        top = board.write(folder, build.firmware(Config()))
+        top = board_recording.write(folder, build.firmware(Config()))
         runner = get_runner("icarus")
         runner.build(
-            sources=[*sources(os.environ["RTL"]), top], hdl_toplevel=board.MODULE, build_dir=folder, always=True
+            sources=[*sources(os.environ["RTL"]), top],
+            hdl_toplevel=board_recording.MODULE,
+            build_dir=folder,
+            always=True,
         )
         os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), *sys.path])
         results_path = runner.test(
-            hdl_toplevel=board.MODULE, test_module=Path(__file__).stem, build_dir=folder, test_dir=folder,
+            hdl_toplevel=board_recording.MODULE, test_module=Path(__file__).stem, build_dir=folder, test_dir=folder,
             results_xml=str(folder / "results.xml"), extra_env={"COCOTB_REWRITE_ASSERTION_FILES": ""},
         )  # fmt: skip
         text = Path(results_path).read_text()

@@ -106,8 +106,8 @@ def forces(problem, fit, ranking):
 def discover(problem, fit, ranking, seed):
     """`Selection`s per port, the one that explains most first."""
     rng = np.random.default_rng([seed, 6])
-    found = [select(force, rng) for force in forces(problem, fit, ranking)]
-    return sorted(found, key=lambda s: (-s.share * max(s.energy, 0.0), s.port))
+    selections = [select(force, rng) for force in forces(problem, fit, ranking)]
+    return sorted(selections, key=lambda s: (-s.share * max(s.energy, 0.0), s.port))
 
 
 def proposals(selections):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from testbench.tracing.problem.problem import BEYOND, all_laws
+from testbench.tracing.problem.problem import LIMIT_SDS, all_laws
 
 DEGENERATE = 1e-9  # determinant of the cosines of a set, below which its coefficients are not known
 INFLATED = 5.0  # variance of a coefficient over its variance without the others; of two laws, a cosine of 0.894
@@ -69,7 +69,7 @@ def linear_sets(ranking, names, laws, size):
     law_limits = np.array([(law.scale, law.sign, law.low, law.high) for law in (laws[n] for n in names)]).reshape(-1, 4)
     scale, sign, low, high = np.moveaxis(law_limits[members], 2, 0)
     sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
-    admissible = good & np.all((sd <= scale) & (c >= low - BEYOND * sd) & (c <= high + BEYOND * sd), axis=1)
+    admissible = good & np.all((sd <= scale) & (c >= low - LIMIT_SDS * sd) & (c <= high + LIMIT_SDS * sd), axis=1)
     fall = np.where(good, np.einsum("ni,ni->n", c, ranking.b[k]), 0.0)
     gain = np.where(admissible, 0.5 * fall + log_coefficients(c, cov, scale, sign), -np.inf)
     return LinearSets(tuple(names), members, fall, c, gain)
@@ -146,7 +146,9 @@ def posterior(candidates, priors):
 
 def best_sets(ranking, names, problem, size, count, priors):
     """The `count` best sets of `size` laws by linear evidence and prior: [(gain without prior, names)], best first."""
-    found = linear_sets(ranking, names, all_laws(problem), size)
-    prior = np.array([priors[name] for name in found.names])[found.members].sum(axis=1)
-    order = np.argsort(-(found.gain + prior), kind="stable")[:count]
-    return [(float(found.gain[i]), found.laws(i)) for i in order if np.isfinite(found.gain[i])]
+    candidate_sets = linear_sets(ranking, names, all_laws(problem), size)
+    prior = np.array([priors[name] for name in candidate_sets.names])[candidate_sets.members].sum(axis=1)
+    order = np.argsort(-(candidate_sets.gain + prior), kind="stable")[:count]
+    return [
+        (float(candidate_sets.gain[i]), candidate_sets.laws(i)) for i in order if np.isfinite(candidate_sets.gain[i])
+    ]

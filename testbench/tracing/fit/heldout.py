@@ -28,7 +28,7 @@ from testbench.tracing.problem.predictor import Failed
 BLOCKS, BOOTSTRAPS, LEVEL = 12, 2000, 0.95
 SIMULATED, NUMBERS = 1000, 20_000_000  # simulated held-out sets, and numbers drawn for them at most
 CHI2_SETS = 400
-ABOVE = 0.01  # chance that a right model is found above FLOOR_FACTOR by any of its observables
+FLOOR_ALPHA = 0.01  # chance that a right model is found above FLOOR_FACTOR by any of its observables
 REFUSED = 0.003  # of right explanations: by an alarm that still rings, by held-out chi2
 FLOOR_FACTOR = 1.06
 HARM = 0.02  # share of its error by which an observable may become worse
@@ -182,8 +182,8 @@ def mean_draws(space, rng):
 
 def exceeded_floors(rows):
     """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all tested together."""
-    known = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
-    return [k for k, p in known.items() if 1 - (1 - p) ** len(known) < ABOVE]
+    p_floors = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
+    return [k for k, p in p_floors.items() if 1 - (1 - p) ** len(p_floors) < FLOOR_ALPHA]
 
 
 def worse(heldout):
@@ -205,10 +205,10 @@ def _intervals(rms, draws, sets):
     """(95 % interval of each model's rms, draws of the fall from the first to the last)."""
     if sets is None:
         return [_quantiles(d) for d in draws.T], draws[:, 0] - draws[:, -1]
-    made = np.sqrt(sets)
-    middle = np.median(made, axis=0)
-    fall = made[:, 0] - made[:, -1]
-    return [_quantiles(x) for x in (rms * middle / made).T], rms[0] - rms[-1] + np.median(fall) - fall
+    simulated_rms = np.sqrt(sets)
+    middle = np.median(simulated_rms, axis=0)
+    fall = simulated_rms[:, 0] - simulated_rms[:, -1]
+    return [_quantiles(x) for x in (rms * middle / simulated_rms).T], rms[0] - rms[-1] + np.median(fall) - fall
 
 
 def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 UNSEEN = 1.0
-SAID = 0.15  # smallest component of a direction that is put in words
+LEAST_COMPONENT = 0.15  # smallest component of a direction that is put in words
 
 
 class Direction(NamedTuple):
@@ -46,7 +46,7 @@ def identify(fit):
             by = "data"
         else:
             free = np.abs(vector[~np.isfinite(model.sd)]).max(initial=0.0)
-            by = "nothing" if free > SAID else "prior"
+            by = "nothing" if free > LEAST_COMPONENT else "prior"
         directions.append(Direction(value, by, vector, _direction_text(model.problem.nuisances, vector, by)))
     sd = fit.sd[:n]
     wide = tuple(
@@ -56,7 +56,7 @@ def identify(fit):
 
 
 def _direction_text(nuisances, vector, by):
-    order = [k for k in np.argsort(-np.abs(vector)) if abs(vector[k]) > SAID]
+    order = [k for k in np.argsort(-np.abs(vector)) if abs(vector[k]) > LEAST_COMPONENT]
     free = " (free: column of 1e3 sigma)"
     combination = " ".join(
         f"{vector[k]:+.2f} {nuisances[k].name}{'' if np.isfinite(nuisances[k].prior_sd) else free}" for k in order
@@ -70,5 +70,5 @@ def _direction_text(nuisances, vector, by):
 
 def unseen(identifiability):
     """Vectors (columns, in physical units of the nuisances) of the directions that the data do not fix."""
-    kept = [d.vector * identifiability.scale for d in identifiability.directions if d.fixed_by != "data"]
-    return np.array(kept).T if kept else np.zeros((len(identifiability.scale), 0))
+    vectors = [d.vector * identifiability.scale for d in identifiability.directions if d.fixed_by != "data"]
+    return np.array(vectors).T if vectors else np.zeros((len(identifiability.scale), 0))

@@ -30,9 +30,9 @@ class Projection:
 
     def project_all(self, v, prior=None):
         """P of [v; prior] with the prior's rows still there; columns stay columns."""
-        below = np.zeros((self.priors, *v.shape[1:])) if prior is None else prior
-        whole = np.concatenate([v, below])
-        return whole - self.q @ (self.q.T @ whole)
+        prior_rows = np.zeros((self.priors, *v.shape[1:])) if prior is None else prior
+        stacked = np.concatenate([v, prior_rows])
+        return stacked - self.q @ (self.q.T @ stacked)
 
     def __call__(self, v, prior=None):
         return self.project_all(v, prior)[: self.rows]

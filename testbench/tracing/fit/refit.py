@@ -6,7 +6,7 @@ ends on the forbidden side, or does not come from nothing (a jump at coefficient
 
 import numpy as np
 
-from testbench.tracing.fit.calibrate import Solver, evaluate_cost, fit
+from testbench.tracing.fit.posterior_fit import Solver, evaluate_cost, fit
 from testbench.tracing.problem.model import Model, Point, law_step
 from testbench.tracing.problem.predictor import Failed
 

@@ -185,8 +185,8 @@ def _unseen(fit):
 
 def _unphysical(fit):
     """Which coefficients physics forbids: ""."""
-    found = zip(fit.model.laws, fit.point.c, fit.sd[len(fit.point.theta) :])
-    return "; ".join(why for law, c, sd in found if (why := law.beyond(float(c), float(sd))))
+    coefficients = zip(fit.model.laws, fit.point.c, fit.sd[len(fit.point.theta) :])
+    return "; ".join(why for law, c, sd in coefficients if (why := law.beyond(float(c), float(sd))))
 
 
 def inclusion(names, p):

@@ -17,8 +17,8 @@ import numpy as np
 
 from testbench.tracing.fit.rank import Projection, prior_z, rank
 from testbench.tracing.noise.statistics import Statistics, ranks
-from testbench.tracing.problem.checkpoint import digest
 from testbench.tracing.problem.problem import all_laws
+from testbench.tracing.problem.trace_checkpoint import digest
 
 BATCH = 4_000_000  # numbers in memory per batch of draws
 
@@ -41,7 +41,7 @@ class Alarms(NamedTuple):
     p_deterministic: float
     model_based: bool  # True: no repeats
     reference: np.ndarray  # null statistics of the refined (or declared) test, for power
-    looks: Statistics
+    statistics: Statistics
 
 
 def batches(draws, rows):
@@ -58,8 +58,8 @@ def cauchy(p, draws):
 
 def _test(statistics, observed, null):
     p, p_global = ranks(observed, null)
-    named = {name: float(v) for name, v in zip(statistics.names, p)}
-    return Test(named, p_global, null.shape[1], {n: float(v) for n, v in zip(statistics.names, observed)})
+    p_by_name = {name: float(v) for name, v in zip(statistics.names, p)}
+    return Test(p_by_name, p_global, null.shape[1], {n: float(v) for n, v in zip(statistics.names, observed)})
 
 
 def declared_draws(space, count, rng):

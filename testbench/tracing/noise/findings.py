@@ -30,8 +30,8 @@ class Finding(NamedTuple):
 
     @property
     def text(self):
-        said = f"noise of {self.channel} is {self.ratio:.3g} times the model's {self.span}"
-        return f"{said} ({self.low:.3g} .. {self.high:.3g}, {self.source})"
+        ratio_text = f"noise of {self.channel} is {self.ratio:.3g} times the model's {self.span}"
+        return f"{ratio_text} ({self.low:.3g} .. {self.high:.3g}, {self.source})"
 
 
 class Band(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import beta
 
 from testbench.tracing.fit.rank import Projection
-from testbench.tracing.noise import noise as noises
+from testbench.tracing.noise import noise_model as noises
 from testbench.tracing.noise.alarms import declared_draws, null_statistics, refined_view
 from testbench.tracing.noise.statistics import TAIL, tail_p
 
@@ -62,7 +62,7 @@ class Power:
 
     def smallest(self):
         """{law: {d, value, unit}}: effects that this record would have shown with 90 %."""
-        draws, looked = self._projected(self._draw(TRIALS)), self.alarms.looks.names
+        draws, looked = self._projected(self._draw(TRIALS)), self.alarms.statistics.names
         out = {}
         for label, ranking in self.alarm_rankings.items():
             null = np.sort(self.alarms.reference[looked.index(label)]) if label in looked else None
@@ -88,7 +88,7 @@ class Power:
         signal = ranking.signatures[:, ranking.index(name)] * smallest[name]["value"]
         side = -1.0 if self.laws[name].sign < 0 else 1.0
         noise = self._draw(TRIALS) + side * signal[:, None]
-        statistics = self.alarms.looks.evaluate(self._projected(noise))
+        statistics = self.alarms.statistics.evaluate(self._projected(noise))
         rang = int(np.sum(smallest_p(self.alarms.reference, statistics) <= self.crit))
         return {"law": name, "trials": TRIALS, "rang": rang, "ci": clopper_pearson(rang, TRIALS)}
 
@@ -96,7 +96,7 @@ class Power:
         """False alarms of this record's alarm in simulated nulls: {trials, rang, rate, ci, alpha}."""
         rang = 0
         if self.alarms.model_based:
-            fresh = null_statistics(self.alarms.looks, self.projection, self._draw, TRIALS, self.rng)
+            fresh = null_statistics(self.alarms.statistics, self.projection, self._draw, TRIALS, self.rng)
             rang = int(np.sum(smallest_p(self.alarms.reference, fresh) <= self.crit))
         else:
             for _ in range(TRIALS):

@@ -11,12 +11,12 @@ Source    Westfall & Young, Resampling-Based Multiple Testing (1993); Ljung (199
 
 import numpy as np
 
-from testbench.tracing.noise.noise import bridge
+from testbench.tracing.noise.noise_model import bridge
 from testbench.tracing.noise.stacks import stacks
 
 LAGS = 4
 SHORT, LINES = 8, 16  # rows that a CUSUM and a periodogram need
-MOVED = 1e-4  # share of its sd by which data must move a nuisance, or its pull is rounding
+LEAST_PULL_SHARE = 1e-4  # share of its sd by which data must move a nuisance, or its pull is rounding
 TAIL = 0.95, 0.995  # of null draws: far enough for sums of products, whose tail is the longest
 
 
@@ -27,7 +27,7 @@ class Statistics:
         """rankings: {"catalogue": Ranking, "library": Ranking}; laws: {name: Law}; projection: `rank.Projection`."""
         self.space, self.parts = space, stacks(space, groups)
         spread = np.sqrt(np.maximum(1 - np.sum(projection.q[projection.rows :] ** 2, axis=1), 0.0))
-        self.pulled = np.flatnonzero(spread > MOVED)
+        self.pulled = np.flatnonzero(spread > LEAST_PULL_SHARE)
         self.spread = spread[self.pulled, None]
         self.chosen = [g for g in range(len(space.groups)) if groups is None or g in groups]
         self.scores = {}

@@ -27,8 +27,8 @@ class Model:
 
     def __init__(self, space, predictor, laws=()):
         self.space, self.predictor, self.problem = space, predictor, space.problem
-        self.names, known = tuple(laws), all_laws(space.problem)
-        self.laws = tuple(known[name] for name in self.names)
+        self.names, laws_by_name = tuple(laws), all_laws(space.problem)
+        self.laws = tuple(laws_by_name[name] for name in self.names)
         self.value = np.array([n.value for n in self.problem.nuisances])
         self.sd = np.array([n.prior_sd for n in self.problem.nuisances])
         self.priors = np.flatnonzero(np.isfinite(self.sd))

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import ConfigError
-from testbench.tracing.problem.checkpoint import Store, digest
 from testbench.tracing.problem.problem import PredictionFailed
+from testbench.tracing.problem.trace_checkpoint import Store, digest
 
-KEPT = 256  # points in memory
+CACHE_POINTS = 256  # points in memory
 
 
 class Failed(NamedTuple):
@@ -55,17 +55,17 @@ class Predictor:
 
     def _remember(self, key, result):
         self._memory[key] = result
-        while len(self._memory) > KEPT:
+        while len(self._memory) > CACHE_POINTS:
             self._memory.popitem(last=False)
 
     def _compute(self, points, which):
         try:
-            found = self.problem.predict(points, list(which))
+            predictions = self.problem.predict(points, list(which))
         except PredictionFailed as problem:
             if len(points) == 1:
                 return [Failed(str(problem) or "prediction failed")]
             return [self._compute([point], which)[0] for point in points]
-        return [self._check_arrays(arrays, which) for arrays in found]
+        return [self._check_arrays(arrays, which) for arrays in predictions]
 
     def _check_arrays(self, arrays, which):
         arrays = [np.asarray(a, float) for a in arrays]

@@ -14,7 +14,7 @@ import numpy as np
 
 from testbench.errors import ConfigError
 
-BEYOND = 2.0  # sd that a coefficient may lie outside of what physics allows
+LIMIT_SDS = 2.0  # sd that a coefficient may lie outside of what physics allows
 
 
 class PredictionFailed(Exception):
@@ -50,11 +50,11 @@ class Law(NamedTuple):
     same: str = ""  # laws with the same text here are one law in other parameters: no experiment tells them apart
 
     def beyond(self, value, sd=0.0):
-        """What a coefficient breaks, in words, if it is further than BEYOND sd outside of its limits; "" if not."""
-        for limit, over, than in ((self.low, self.low - value, "below"), (self.high, value - self.high, "above")):
-            if over > BEYOND * sd:
-                said = f"{self.name}: {value:.3g} is {than} {limit:.3g} {self.unit}"
-                return f"{said}, the limit of physics ({self.reason})"
+        """What a coefficient breaks, in words, if it is further than LIMIT_SDS sd outside of its limits; "" if not."""
+        for limit, excess, than in ((self.low, self.low - value, "below"), (self.high, value - self.high, "above")):
+            if excess > LIMIT_SDS * sd:
+                violation = f"{self.name}: {value:.3g} is {than} {limit:.3g} {self.unit}"
+                return f"{violation}, the limit of physics ({self.reason})"
         return ""
 
 
@@ -121,8 +121,8 @@ class Problem:
     @classmethod
     def _check_member(cls, name, error):
         if not name.startswith("_") and name not in cls._members:
-            near = difflib.get_close_matches(name, cls._members, 1)
-            hint = f"; did you mean {near[0]}?" if near else ", nor named in adds"
+            matches = difflib.get_close_matches(name, cls._members, 1)
+            hint = f"; did you mean {matches[0]}?" if matches else ", nor named in adds"
             raise error(f"{cls.__name__}.{name} is no member of a problem{hint}")
 
     def segment_features(self, k):
@@ -182,8 +182,8 @@ def all_laws(problem):
 def duplicate_laws(problem, names):
     """{law: the first of `names` that is the same law in other parameters}."""
     laws, first = all_laws(problem), {}
-    known = [(name, laws[name].same) for name in names if laws[name].same]
-    return {name: first[same] for name, same in known if first.setdefault(same, name) != name}
+    law_texts = [(name, laws[name].same) for name in names if laws[name].same]
+    return {name: first[text] for name, text in law_texts if first.setdefault(text, name) != name}
 
 
 def _unique(what, names):

@@ -19,7 +19,7 @@ from fpga_model.jit import hot
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
 from testbench import config
 from testbench.engines import baseband_frames, baseband_setup, baseband_state
-from testbench.paper.calibration import boards
+from testbench.paper.calibration import calibration_boards
 from testbench.run import build
 from tests.testbench.bench_setup import board as configuration
 from tests.testbench.bench_setup import configured
@@ -328,7 +328,7 @@ def test_a_ringing_envelope_is_demodulated_to_a_quarter_of_its_second_derivative
 @pytest.mark.parametrize("board", [None, 2, 5, 16])
 def test_columns_of_the_basis_are_eigenvectors_of_the_tick_of_every_board(board):
     """To rounding: iterations in doubles left 1e-4 of board 2's sense mode, 1e-8 of the drive modes of 5 and 16."""
-    checked = config.Config() if board is None else boards.draw(config.Config(), 1, board)
+    checked = config.Config() if board is None else calibration_boards.draw(config.Config(), 1, board)
     g = build.params(checked, LO_DEGC, LO_DEGC).plant.tables.g_jet[0][0]
     m = [[float(g[k][i]) for k in averaged.MODE] for i in averaged.MODE]
     values, basis = averaged._eigen(m)

@@ -37,7 +37,7 @@ from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench.machine import cpu, versions
 from testbench.config import Config, Scenario, changed
 from testbench.console.markdown import ROOT, markdown, replaced
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.run.simulation import Simulation
 from testbench.storage.files import write_text
 

@@ -12,7 +12,7 @@ import pytest
 from analog_frontend import linear
 from analog_frontend.effects import catalogue
 from fpga_model import sequencer
-from testbench.bench import kernels, many, measure, peers, stages
+from testbench.bench import engine_stages, kernels, many, measure_speed, peers
 from testbench.console import markdown
 from tests.testbench.bench import ports_off
 
@@ -105,11 +105,13 @@ def test_the_source_without_compiler_answers_with_its_cpu_time():
 
 def test_multiplications_of_a_tick():
     """The sum of the docstring, and its part that linear.py lists."""
-    assert measure.pairs_per_tick() == pytest.approx(243.84)
+    assert measure_speed.pairs_per_tick() == pytest.approx(243.84)
     assert linear.FORCED_COUNT == 14
-    table = [float(line.split()[-1]) for line in measure.pairs_per_tick.__doc__.splitlines() if "  " in line.strip()]
+    table = [
+        float(line.split()[-1]) for line in measure_speed.pairs_per_tick.__doc__.splitlines() if "  " in line.strip()
+    ]
     assert sum(table) == pytest.approx(243.84)
-    assert measure.lane_pairs_per_tick() == pytest.approx(237.84)
+    assert measure_speed.lane_pairs_per_tick() == pytest.approx(237.84)
 
 
 # ---- tables ----------------------------------------------------------------------------------------------------------
@@ -143,7 +145,7 @@ RESULT = {
     "first_call_cold_s": 25.04,
     "first_call_warm_s": 1.26,
     "growth": {"seconds": {"1": 0.03, "4": 0.0303}, "noise": {"none": 0.02, "all": 0.03}, "effects": {"none": 0.03}},
-    "stages_ns": {**{name: 2.0 for _, name in stages.STAGES}, "engine": 40.0},
+    "stages_ns": {**{name: 2.0 for _, name in engine_stages.STAGES}, "engine": 40.0},
     "cores": {"lanes engine, threads": {"1": 0.044, "2": 0.0225}, "frame engine, processes": {"1": 0.05, "2": 0.025}},
     "memory_bytes_per_lane": {"arrays": 321_000.0, "process": 5_250_000.0},
     "run_cpu_s": 0.1,
@@ -153,7 +155,7 @@ RESULT = {
 
 
 def test_the_tables_are_the_measurement():
-    part = measure.speed_part(RESULT)
+    part = measure_speed.speed_part(RESULT)
     assert "`python -m testbench.bench` on A processor; python 3.13.0, numba 0.68.1." in part
     assert "| frame_rt | 30 | 29 .. 31 | 0.0333 s | 1 | 0.025 |" in part
     assert "| baseband_codes_rt | 250 | 240 .. 260 | 0.004 s | 0.12 | 0.003 |" in part
@@ -170,7 +172,7 @@ def test_the_tables_are_the_measurement():
     assert "| frame engine, processes | 2 | 25 ms | 2.00 |" in part
     assert "takes 321 kB in the arrays of its group, and 5.2 MB of the process" in part
     assert "takes 0.100 s of CPU." in part
-    assert "not measured" in measure.speed_part(RESULT | {"peak_pairs_per_s": None})
+    assert "not measured" in measure_speed.speed_part(RESULT | {"peak_pairs_per_s": None})
     page = "before\n<!-- speed: written by testbench.bench -->\nold\n<!-- end -->\nafter"
     once = markdown.replaced(page, "speed", part)
     assert markdown.replaced(once, "speed", part) == once
@@ -181,9 +183,9 @@ def test_the_tables_are_the_measurement():
 def test_a_measurement_is_written_whole(tmp_path, monkeypatch, capsys):
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "speed.md").write_text("<!-- speed: written by testbench.bench -->\n<!-- end -->\n")
-    monkeypatch.setattr(measure, "ROOT", tmp_path)
-    monkeypatch.setattr(measure, "measure", lambda: RESULT)
-    assert measure.main() == 0
+    monkeypatch.setattr(measure_speed, "ROOT", tmp_path)
+    monkeypatch.setattr(measure_speed, "measure", lambda: RESULT)
+    assert measure_speed.main() == 0
     assert json.loads((tmp_path / "build" / "bench.json").read_text()) == RESULT
     assert "0.75" in (tmp_path / "docs" / "speed.md").read_text()
     assert "Speed, one core" in capsys.readouterr().out
@@ -196,7 +198,7 @@ def test_all_take_turns():
         order.append(name)
         return next(times)
 
-    spent = measure.rounds({"a": lambda: work("a"), "b": lambda: work("b")}, 3)
+    spent = measure_speed.rounds({"a": lambda: work("a"), "b": lambda: work("b")}, 3)
     assert spent == {"a": [1e-3, 1e-3, 9.0], "b": [2e-3, 2e-3, 9.0]}
     assert order == ["a", "b"] * 3
 
@@ -232,21 +234,25 @@ def test_a_measurement_is_the_median_and_closes_its_processes(tmp_path, monkeypa
     monkeypatch.setattr(kernels, "SideBySide", Fake)
     monkeypatch.setattr(kernels, "gyroscope", lambda name, codes=True: None)
     monkeypatch.setattr(kernels, "cpu_s", lambda work, *ticks: 0.5)
-    missing = dict.fromkeys(measure.PEER_KEYS.values(), str(absent))
-    monkeypatch.setattr(measure, "comparators", lambda sim, folder: ({}, dict(missing)))
+    missing = dict.fromkeys(measure_speed.PEER_KEYS.values(), str(absent))
+    monkeypatch.setattr(measure_speed, "comparators", lambda sim, folder: ({}, dict(missing)))
     monkeypatch.setattr(peers, "build_peak", lambda folder: (_ for _ in ()).throw(absent))
-    result = measure.speeds(tmp_path, repeats=3, processes=3)
-    assert result["frame_rt"] == measure.FRAME_TICKS_TIMED / 1e6 / 2.0
+    result = measure_speed.speeds(tmp_path, repeats=3, processes=3)
+    assert result["frame_rt"] == measure_speed.FRAME_TICKS_TIMED / 1e6 / 2.0
     assert result["clocked_rt"] == 0.5
     assert result["spread"]["clocked_rt"] == pytest.approx([1 / 9, 1.0])
     assert result["firmware_rt"] == result["plant_rt"] == 2.0
-    assert result["lanes_rt_per_core"] == result["lanes_codes_rt"] == measure.LANES * measure.LANES_TICKS / 1e6 / 0.5
-    assert result["python_rt"] == measure.PYTHON_TICKS / 1e6 / 4.0
-    assert result["baseband_rt"] == result["baseband_codes_rt"] == measure.BASEBAND_TICKS_TIMED / 1e6 / 0.5
+    assert (
+        result["lanes_rt_per_core"]
+        == result["lanes_codes_rt"]
+        == measure_speed.LANES * measure_speed.LANES_TICKS / 1e6 / 0.5
+    )
+    assert result["python_rt"] == measure_speed.PYTHON_TICKS / 1e6 / 4.0
+    assert result["baseband_rt"] == result["baseband_codes_rt"] == measure_speed.BASEBAND_TICKS_TIMED / 1e6 / 0.5
     assert (
         result["roof_single_rt"] is result["roof_lanes_rt"] is result["icarus_rt"] is result["peak_pairs_per_s"] is None
     )
-    assert result["missing"] == missing | dict.fromkeys(measure.ROOFS, "no compiler")
+    assert result["missing"] == missing | dict.fromkeys(measure_speed.ROOFS, "no compiler")
     assert len(closed) == 4
 
 
@@ -254,36 +260,36 @@ def test_a_missing_tool_leaves_a_null_and_its_reason(tmp_path, monkeypatch):
     def absent(folder):
         raise peers.Missing("no compiler")
 
-    monkeypatch.setattr(measure.peers, "BUILDERS", dict.fromkeys(peers.BUILDERS, absent))
-    works, missing = measure.comparators(kernels.gyroscope("frame"), tmp_path)
+    monkeypatch.setattr(measure_speed.peers, "BUILDERS", dict.fromkeys(peers.BUILDERS, absent))
+    works, missing = measure_speed.comparators(kernels.gyroscope("frame"), tmp_path)
     assert works == {}
-    assert missing == dict.fromkeys(measure.PEER_KEYS.values(), "no compiler")
+    assert missing == dict.fromkeys(measure_speed.PEER_KEYS.values(), "no compiler")
 
 
 @pytest.mark.slow
 def test_every_stage_takes_time():
     """Rough on purpose: stages are timed in a few frames here, so only a stage that does nothing would be seen."""
-    result = stages.measure(repeats=1, frames=40)
-    assert set(result) == {"engine", *(name for _, name in stages.STAGES)}
+    result = engine_stages.measure(repeats=1, frames=40)
+    assert set(result) == {"engine", *(name for _, name in engine_stages.STAGES)}
     assert all(value > 0.05 for value in result.values())
 
 
 def test_growth_covers_every_source_and_effect():
     from testbench import config
 
-    assert set(measure.SOURCES) == set(config.Noise.model_fields) - {"seed"}
+    assert set(measure_speed.SOURCES) == set(config.Noise.model_fields) - {"seed"}
     laws = {effect.INFO.name for effect in catalogue.LAWS}
-    assert set(measure.EFFECTS) == set(config.Effects.model_fields) - laws
+    assert set(measure_speed.EFFECTS) == set(config.Effects.model_fields) - laws
 
 
 def test_the_documented_numbers_come_from_a_measurement():
     """docs/speed.md holds a table with every key, written by the command that it names."""
     page = (markdown.ROOT / "docs" / "speed.md").read_text()
-    assert f"Measured with `{measure.COMMAND}`" in page
-    for key, _ in (*measure.SPEEDS, *measure.FIRST_CALLS):
+    assert f"Measured with `{measure_speed.COMMAND}`" in page
+    for key, _ in (*measure_speed.SPEEDS, *measure_speed.FIRST_CALLS):
         assert f"| {key} |" in page
-    assert f"{measure.pairs_per_tick():.0f} multiplications" in page
-    long, short = measure.PEER_TICKS["verilator"] / 1e6, measure.PEER_TICKS["icarus"] / 1e3
+    assert f"{measure_speed.pairs_per_tick():.0f} multiplications" in page
+    long, short = measure_speed.PEER_TICKS["verilator"] / 1e6, measure_speed.PEER_TICKS["icarus"] / 1e3
     assert f"over {long:g} s (Icarus: {short:g} ms)" in page
 
 

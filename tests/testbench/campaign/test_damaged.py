@@ -17,7 +17,7 @@ import h5py
 import pytest
 
 from testbench.campaign import collect, shard
-from testbench.campaign.plan.points import canonical
+from testbench.campaign.plan.plan_points import canonical
 from testbench.campaign.store import FOLDERS, Store
 from testbench.storage.files import SEAL, SEAL_BYTES
 from tests.testbench.campaign.helpers import campaign, finished, plan_file, run_json

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from testbench.campaign.plan import engines, plan
-from testbench.campaign.plan.points import canonical
+from testbench.campaign.plan.plan_points import canonical
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError
 from tests.testbench.campaign.helpers import OWN, plan_file, run_json

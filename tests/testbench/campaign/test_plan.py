@@ -5,9 +5,9 @@ import json
 import pytest
 
 from testbench.campaign.plan import plan as plans
-from testbench.campaign.plan import points as point
+from testbench.campaign.plan import plan_points as point
 from testbench.campaign.plan import stored
-from testbench.campaign.plan.points import point_address, read_task
+from testbench.campaign.plan.plan_points import point_address, read_task
 from testbench.commands import main as cli
 from testbench.config import load
 from testbench.errors import FileError

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from testbench.campaign.campaign_progress import LINE_EVERY_S, Progress, Running, clock
 from testbench.campaign.pool import InProcess
-from testbench.campaign.progress import LINE_EVERY_S, Progress, Running, clock
 from testbench.campaign.work import Outcome
 
 

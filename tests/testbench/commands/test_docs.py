@@ -23,7 +23,7 @@ from testbench import config, flatten
 from testbench.config import Config, provenance
 from testbench.engines import engine
 from testbench.judge import phases
-from testbench.run import budget, build, simulate, summary, tables
+from testbench.run import budget, build, run_tables, simulate, summary
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.append(str(ROOT / "docs"))
@@ -219,10 +219,10 @@ def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
     planned = budget.budget(Config())
     said = {"locked": True, "phase_deg": planned.node_deg(), "paper_verdict": phases.verdicts(planned.node_deg())}
     notes = summary.notes(Config(), said, planned)
-    assert any(tables.FITTED in note for note in notes)
+    assert any(run_tables.FITTED in note for note in notes)
     assert set(phases.sentences(said["paper_verdict"])) <= set(notes)
-    assert all(tables.FITTED in table.note for table in tables.budget_tables(*budget.budgets(Config())))
-    says("docs/phases.md", tables.FITTED)
+    assert all(run_tables.FITTED in table.note for table in run_tables.budget_tables(*budget.budgets(Config())))
+    says("docs/phases.md", run_tables.FITTED)
     for name in ("README.md", "docs/limits.md", "docs/phases.md"):
         says(name, "best fit", "of a search over discrete assumptions")
     for path in (*PAGES, *(ROOT / "testbench").rglob("*.py")):
@@ -256,7 +256,7 @@ def test_the_contradicted_phases_are_those_of_the_judge():
     says("docs/limits.md", f"One of the four is contradicted although fitted, {' and '.join(wrong)}")
     assert all(
         f"Rests on the fitted values {', '.join(found[node]['rests_on'])}" in table.note
-        for node, table in zip(found, tables.budget_tables(*budget.budgets(Config())))
+        for node, table in zip(found, run_tables.budget_tables(*budget.budgets(Config())))
     )
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from testbench.console import report
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 from testbench.errors import FileError
 
 DRIVE_HZ = 11002.3

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from testbench.console import show
-from testbench.console.table import Table
+from testbench.console.text_table import Table
 
 
 def test_numbers_that_json_cannot_hold_are_null(capsys):

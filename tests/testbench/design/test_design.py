@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from testbench.config import changed, load
-from testbench.design import confirm, design_page, designer, ranges, start_up, target
+from testbench.design import confirm_design, design_page, designer, range_check, start_up, target
 from testbench.paper.loop import advisor
 from testbench.paper.loop import confirm as quiet
 from testbench.paper.loop import loop as lp
@@ -55,11 +55,11 @@ def locked_s(config):
 
 
 def check_predictions(result):
-    seen, a = confirm.confirm_result(result), result.advice
+    seen, a = confirm_design.confirm_result(result), result.advice
     assert seen.lock_s == pytest.approx(result.nominal.lock_s, rel=0.02)
     assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
     assert seen.peak_db == pytest.approx(max(a.peak_db, 0.0), abs=0.3)
-    line_hz = confirm.lowest_hz(a.bandwidth_hz)
+    line_hz = confirm_design.lowest_hz(a.bandwidth_hz)
     scale = abs(lp.response(lp.close(loop_parameters(result.config)), line_hz)[0]) * lp.DEG
     assert seen.lsb_per_dps == pytest.approx(scale, rel=1e-3)
     assert scale == pytest.approx(a.lsb_per_dps, rel=5e-3)
@@ -73,7 +73,7 @@ def test_the_command_writes_what_locks(tmp_path):
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)["predicted"]
     config = changed(load(tmp_path / "D.toml"), quiet.QUIET)
-    seen = confirm.measure(config, 30.0)
+    seen = confirm_design.measure(config, 30.0)
     assert seen.lock_s <= said["promised_lock_s"]
     assert seen.lock_s == pytest.approx(said["lock_s"], rel=0.02)
     assert seen.bandwidth_hz == pytest.approx(30.0, rel=0.03)
@@ -85,11 +85,11 @@ def test_the_default_loops_on_another_design_do_what_is_predicted(name):
     config = changed(load(BOARDS / f"{name}.toml"), OTHER_DESIGNS[name] | quiet.QUIET)
     p = loop_parameters(config)
     a = advisor.analyse(p)
-    seen = confirm.measure(config, a.bandwidth_hz)
+    seen = confirm_design.measure(config, a.bandwidth_hz)
     assert seen.lock_s == pytest.approx(start_up.predict(config).lock_s, rel=0.02)
     assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
     assert seen.peak_db == pytest.approx(a.peak_db, abs=0.3)
-    scale = abs(lp.response(lp.close(p), confirm.lowest_hz(a.bandwidth_hz))[0]) * lp.DEG
+    scale = abs(lp.response(lp.close(p), confirm_design.lowest_hz(a.bandwidth_hz))[0]) * lp.DEG
     assert seen.lsb_per_dps == pytest.approx(scale, rel=1e-3)
 
 
@@ -115,7 +115,7 @@ def test_draws_have_the_predicted_bandwidth(name):
     for k in range(5):
         config = changed(draw(result.config, 7, k), quiet.QUIET)
         a = advisor.analyse(loop_parameters(config))
-        seen = confirm.measure(config, a.bandwidth_hz, settle_s=4.0)
+        seen = confirm_design.measure(config, a.bandwidth_hz, settle_s=4.0)
         assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
         assert seen.peak_db == pytest.approx(max(a.peak_db, 0.0), abs=0.3)
         assert a.modulus_margin >= result.limits.modulus_at_corners
@@ -136,7 +136,7 @@ def test_the_largest_bandwidth_is_reached_and_no_more():
 @pytest.mark.slow
 def test_scale_decides_the_amplitude():
     result = designed("paper", scale_lsb_per_deg_s=8651.0)
-    assert confirm.confirm_result(result).lsb_per_dps == pytest.approx(8651.0, rel=1e-3)
+    assert confirm_design.confirm_result(result).lsb_per_dps == pytest.approx(8651.0, rel=1e-3)
     other = designed("paper", full_scale_deg_s=800.0)
     assert design_page.predicted_values(other)["full_scale_deg_s"] == pytest.approx(800.0, rel=1e-4)
 
@@ -158,7 +158,7 @@ def test_at_the_largest_rate_nothing_is_at_its_limit():
         assert np.all(columns["quadrature_code"][tail] > 0)
         assert np.all(columns["quadrature_code"][tail] < 65535)
         assert np.abs(columns["adc_drive_cos"][tail]).max() < 0.9 * 2**23
-    assert abs(ranges.leak_deg(result.config)) < 0.01
+    assert abs(range_check.leak_deg(result.config)) < 0.01
 
 
 @pytest.mark.slow

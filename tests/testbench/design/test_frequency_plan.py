@@ -26,14 +26,14 @@ def lateness_deg(f_hz, seconds, start=0.0):
 @example(11750.0, 0.0)
 def test_no_mean_of_edges_is_further_off(f_hz, start):
     # a ratio of more places than the plan looks at wanders by half of one such place at most
-    beyond = 180 * f_hz / DEFAULT.tick_hz / (frequency_plan.MOST_PLACES + 1)
+    beyond = 180 * f_hz / DEFAULT.tick_hz / (frequency_plan.MOST_PHASES + 1)
     assert abs(lateness_deg(f_hz, 0.25, start)) <= frequency_plan.slide_deg(f_hz, 0.25) + beyond
 
 
 @pytest.mark.parametrize(("f_hz", "places"), [(11000.0, 11), (12500.0, 1), (10000.0, 1), (15000.0, 3)])
 def test_at_an_exact_ratio_edges_stand_still(f_hz, places):
     slow = frequency_plan.slides(f_hz)[0]
-    assert (slow.places, slow.beat_hz) == (places, 0.0)
+    assert (slow.phase_count, slow.beat_hz) == (places, 0.0)
     seen = [lateness_deg(f_hz, 0.1, s) for s in np.linspace(0, 1, 400)]
     assert np.ptp(seen) == pytest.approx(slow.wander_deg, rel=0.03)
 
@@ -112,7 +112,7 @@ def test_no_mean_that_a_loop_makes_is_further_off(ratio, beat_hz, crossover_hz, 
     exact_hz, p = ratio
     board = (exact_hz + beat_hz / (2 * p), 1e6, crossover_hz, crossover_hz / 0.06, half_width_hz)
     late = dwelling(*board, 3.0)[int(2 * board[0]) :]
-    beyond = 180 * board[0] / DEFAULT.tick_hz / (frequency_plan.MOST_PLACES + 1)
+    beyond = 180 * board[0] / DEFAULT.tick_hz / (frequency_plan.MOST_PHASES + 1)
     assert worst_mean(late, np.ones(int(0.3 * 2 * board[0]))) <= bounds(*board, 0.3)[1] + beyond
 
 

@@ -22,7 +22,7 @@ from testbench.engines.baseband_setup import JITTER_LIMIT_S, RATE_LIMIT_DEG_S, S
 from testbench.engines.window import SLOT_WORD
 from testbench.errors import ConfigError
 from testbench.measured.residual import simulator
-from testbench.paper.calibration import boards
+from testbench.paper.calibration import calibration_boards
 from testbench.run import build, simulate
 from testbench.run.simulation import FRAME, Simulation
 from tests.testbench.bench_setup import QUIET, configured, open_loop, quiet
@@ -163,7 +163,7 @@ def test_a_dds_of_32_bits_makes_two_frame_engines_part_as_far():
 @needs_compiler
 def test_a_board_whose_basis_is_hard_to_find_keeps_its_codes_idle_and_locked():
     """Board 2 of seed 1: with the sense mode's eigenvector 1e-4 off, IDLE rang up to full scale and no loop locked."""
-    checked = config.changed(boards.draw(config.Config(), 1, 2), {"firmware.reference_retimed": False})
+    checked = config.changed(calibration_boards.draw(config.Config(), 1, 2), {"firmware.reference_retimed": False})
     found = {}
     for name in ("frame", "baseband"):
         sim = Simulation(checked, TEMP_DEGC, TEMP_DEGC, engine=name)

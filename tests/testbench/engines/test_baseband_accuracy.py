@@ -15,7 +15,7 @@ import pytest
 
 from fpga_model.rates import FRAME_CYCLES, FRAME_HZ
 from testbench import config
-from testbench.paper.calibration import boards
+from testbench.paper.calibration import calibration_boards
 from tests.testbench.engines import baseband_accuracy
 from tests.testbench.engines.baseband_accuracy import (
     CASES,
@@ -149,7 +149,7 @@ def test_random_boards_are_within_the_limits(board):
 
     The drive loop's three streams may pass the rms limit where two frame engines do, a fifth of the phase limit apart.
     """
-    drawn = config.changed(boards.draw(config.Config(), 1, board), {"firmware.reference_retimed": False})
+    drawn = config.changed(calibration_boards.draw(config.Config(), 1, board), {"firmware.reference_retimed": False})
     found = compare(Case((30.0,)), drawn)
     print(table({f"board {board}": found}))
     assert found.states == 0

@@ -6,7 +6,7 @@ import pytest
 from fpga_model import cordic, isqrt, rate_output, rates
 from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
-from testbench.engines import closed_form
+from testbench.engines import closed_form_window
 
 COUNT = 20_000
 
@@ -14,7 +14,7 @@ COUNT = 20_000
 @kernel
 def _rotate(d, s, x, y, closed, stepped):
     for n in range(x.shape[0]):
-        a = closed_form.rotate(d, s, x[n], y[n])
+        a = closed_form_window.rotate(d, s, x[n], y[n])
         for k in range(rates.SLOT_CORDIC, rates.SLOT_SEQUENCER):
             s = cordic.step(d, s, 1 if k == rates.SLOT_CORDIC else 0, x[n], y[n])
         _put(closed[n], a)
@@ -31,7 +31,7 @@ def _put(row, r):
 def _root(rest, u, closed, stepped):
     for n in range(u.shape[0]):
         s = isqrt.step(rest, 1, u[n])
-        a = closed_form.root(s)
+        a = closed_form_window.root(s)
         for _ in range(rates.SLOT_ROOT + 1, rates.SLOTS + 1):
             s = isqrt.step(s, 0, 0)
         for row, r in ((closed[n], a), (stepped[n], s)):
@@ -43,7 +43,7 @@ def _root(rest, u, closed, stepped):
 def _scale(p, a, words, temperatures, closed, stepped):
     s = a
     for n in range(words.shape[0]):
-        a = closed_form.scale_rate(p, rate_output.step(p, a, 1, words[n], temperatures[n]))
+        a = closed_form_window.scale_rate(p, rate_output.step(p, a, 1, words[n], temperatures[n]))
         s = rate_output.step(p, s, 1, words[n], temperatures[n])
         for _ in range(rates.SLOT_ROOT + 1, rates.SLOTS + 1):
             s = rate_output.step(p, s, 0, 0, 0)

@@ -5,7 +5,7 @@ import pytest
 from testbench.engines import baseband_setup
 from testbench.engines.lanes import Engine
 from testbench.errors import ConfigError
-from testbench.golden.recording import board
+from testbench.golden.recording import board_recording
 from testbench.measured.record import replay
 from testbench.run import build
 from tests.testbench.bench_setup import configured
@@ -18,7 +18,7 @@ def test_others_refuse_them_by_name(key):
         lambda: Engine([params]),
         lambda: baseband_setup.check(params),
         lambda: replay.order(params.fpga),
-        lambda: board.check(params.fpga),
+        lambda: board_recording.check(params.fpga),
     )
     for refuse in refused:
         with pytest.raises(ConfigError, match=r"firmware\.\*_sine_registers, \*_code_registers"):

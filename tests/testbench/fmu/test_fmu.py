@@ -15,7 +15,7 @@ import pytest
 
 from testbench import config
 from testbench.errors import ConfigError, FileError
-from testbench.fmu import export, variables
+from testbench.fmu import export_fmu, variables
 from testbench.run import simulate
 from testbench.run.simulation import DEG, Simulation
 from tests.testbench.golden.benching import need
@@ -30,7 +30,7 @@ def written(tmp_path_factory):
     """The FMUs of the default configuration, for 25 to 26.5 degC."""
     need("cc", "unzip")
     folder = tmp_path_factory.mktemp("fmu")
-    export.export(folder, warmed())
+    export_fmu.export(folder, warmed())
     return folder
 
 
@@ -70,7 +70,7 @@ def test_an_acceleration_is_that_of_the_effect(tmp_path):
     hashes = []
     for size in (0.0, 300.0):
         given = config.changed(config.Config(), {"noise.seed": SEED, "effects.acceleration": size})
-        export.export(tmp_path / f"{size:g}", given)
+        export_fmu.export(tmp_path / f"{size:g}", given)
         sim = Simulation(given, 25.0, 25.0, engine="frame")
         sim.now = (np.zeros(1), np.full(1, 25.0))
         for name, raw in sim.first_writes:
@@ -105,7 +105,7 @@ def test_from_power_on_through_lock_and_a_second_with_changes(written, tmp_path)
 
 def test_a_seed_changes_the_plant_alone(written):
     other = config.changed(warmed(), {"noise.seed": SEED + 1})
-    firmware, plant = export.units(other)
+    firmware, plant = export_fmu.units(other)
     assert firmware.token in zipfile.ZipFile(written / "firmware.fmu").read("modelDescription.xml").decode()
     words = zipfile.ZipFile(written / "plant.fmu").read("resources/plant.bin")
     assert plant.resources["plant.bin"] != words
@@ -120,10 +120,10 @@ def test_a_seed_changes_the_plant_alone(written):
 def older(tmp_path_factory):
     """The same as FMI 2.0."""
     need("cc")
-    if export.binary_platform("3.0")[0] != "x86_64-linux":
+    if export_fmu.binary_platform("3.0")[0] != "x86_64-linux":
         pytest.skip("FMI 2.0 has a name for binaries of x86_64 alone")
     folder = tmp_path_factory.mktemp("fmi2")
-    export.export(folder, warmed(), "2.0")
+    export_fmu.export(folder, warmed(), "2.0")
     return folder
 
 
@@ -265,13 +265,13 @@ ABSENT = {
 }
 
 
-@pytest.mark.parametrize("version", export.VERSIONS)
+@pytest.mark.parametrize("version", export_fmu.VERSIONS)
 def test_functions_are_those_of_the_standard(version, tmp_path):
     """A compiler compares each with the headers of the FMI project; a linker finds all of them."""
     fmpy = pytest.importorskip("fmpy")
     need("gcc")
     headers = Path(fmpy.__file__).parent / "c-code"
-    unit = export.units(warmed(), version)[1]
+    unit = export_fmu.units(warmed(), version)[1]
     for name, text in unit.sources.items():
         (tmp_path / name).write_text(text)
     command = ["gcc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-variable", "-DFMI_HEADERS", "-I", headers]
@@ -283,10 +283,10 @@ def test_functions_are_those_of_the_standard(version, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("version", export.VERSIONS)
+@pytest.mark.parametrize("version", export_fmu.VERSIONS)
 def test_compilers_have_no_warning(version, tmp_path):
     need("gcc")
-    for unit, compiler in itertools.product(export.units(warmed(), version), ("gcc", "clang")):
+    for unit, compiler in itertools.product(export_fmu.units(warmed(), version), ("gcc", "clang")):
         if shutil.which(compiler) is None:
             continue
         folder = tmp_path / f"{unit.name}-{compiler}"
@@ -303,8 +303,8 @@ def test_sanitizers_find_nothing(written, tmp_path):
     folder = shutil.copytree(written, tmp_path / "all")
     plain = coupled(folder, 5000)
     flags = ["-g", "-O1", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    for unit in export.units(warmed()):
-        place, suffix = export.binary_platform("3.0")
+    for unit in export_fmu.units(warmed()):
+        place, suffix = export_fmu.binary_platform("3.0")
         library = folder / "importer" / unit.name / "binaries" / place / f"gyro_{unit.name}{suffix}"
         sources = folder / "importer" / unit.name / "sources"
         names = [sources / name for name in unit.compiled]
@@ -339,21 +339,21 @@ def test_sanitizers_find_nothing(written, tmp_path):
 )
 def test_what_the_plant_does_not_cover_is_refused_by_name(changes, message):
     with pytest.raises(ConfigError, match=message):
-        export.units(config.changed(config.Config(), changes))
+        export_fmu.units(config.changed(config.Config(), changes))
 
 
 def test_without_a_compiler_or_a_folder_the_export_is_one_line(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(export.Unit, "binary", lambda unit: b"")
+    monkeypatch.setattr(export_fmu.Unit, "binary", lambda unit: b"")
     with pytest.raises(FileError, match=r"file: cannot be written: "):
-        export.export(tmp_path / "file", config.Config())
+        export_fmu.export(tmp_path / "file", config.Config())
     monkeypatch.undo()
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(ConfigError, match="gyro fmu: no-such-compiler is not installed; a C compiler is needed"):
-        export.export(tmp_path / "other", config.Config())
+        export_fmu.export(tmp_path / "other", config.Config())
     assert not (tmp_path / "other").exists()
     with pytest.raises(ConfigError, match=r"--fmi 1.0: one of 3.0, 2.0 is needed"):
-        export.units(config.Config(), "1.0")
+        export_fmu.units(config.Config(), "1.0")
 
 
 IMPOSSIBLE = (
@@ -393,8 +393,8 @@ def test_what_is_impossible_is_one_line(written, tmp_path):
 
 @pytest.mark.slow
 def test_two_exports_are_one(written):
-    for unit in export.units(warmed()):
-        content = export.archive(unit.contents())
+    for unit in export_fmu.units(warmed()):
+        content = export_fmu.archive(unit.contents())
         first = (written / f"{unit.name}.fmu").read_bytes()
         assert hashlib.sha256(content).digest() == hashlib.sha256(first).digest()
         names = zipfile.ZipFile(io.BytesIO(first)).namelist()

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.golden.loop import library
-from testbench.golden.recording import board as wrapper
+from testbench.golden.recording import board_recording as wrapper
 from tests.testbench.golden import pin_tops
 from tests.testbench.rtl.test_rtl import RTL
 

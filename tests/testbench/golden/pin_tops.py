@@ -9,7 +9,7 @@ counting_masters(...)                    masters of the three DACs written anew:
 import re
 import shutil
 
-from testbench.golden.recording import board as wrapper
+from testbench.golden.recording import board_recording as wrapper
 from tests.testbench.rtl.test_rtl import RTL
 
 TOP = wrapper.MODULE

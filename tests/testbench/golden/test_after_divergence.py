@@ -8,7 +8,7 @@ import pytest
 from analog_frontend.parts import adc_serial
 from fpga_model.design_record import DEFAULT
 from testbench.golden.loop import after_divergence, library
-from testbench.golden.recording import recording, replay
+from testbench.golden.recording import recording, replay_recording
 from tests.testbench.golden import top_score
 from tests.testbench.golden.diagnosis import rtl_faults
 
@@ -31,8 +31,8 @@ class Played:
 def test_the_inputs_are_those_of_a_replay():
     r, count = recording.load("reset"), after_divergence.FRAMES * DEFAULT.frame_clocks
     adc, host, sar = r.stimulus
-    given = replay.Stimulus(adc, host[(host[:, 1] == 0)], sar)
-    rows = replay.run(r.params, given, after_divergence.FRAMES, np.arange(count))
+    given = replay_recording.Stimulus(adc, host[(host[:, 1] == 0)], sar)
+    rows = replay_recording.run(r.params, given, after_divergence.FRAMES, np.arange(count))
     assert rows.inputs[:, 1:3].any(axis=0).all()  # DRDY_N and DOUT
     assert rows.inputs[:, 5].any()  # a host write
     found = after_divergence.simulate_continuation(Played(rows), adc_serial.State(), given, 0, DEFAULT)
@@ -44,11 +44,11 @@ def test_conversions_come_again_a_frame_apart():
     codes = np.arange(30).reshape(3, 10)
     codes[:, 0] = 100, 3350, 6600
     rows = codes.copy(), np.zeros((0, 4), np.int64), np.zeros((0, 2), np.int64)
-    found = after_divergence.extend_stimulus(replay.Stimulus(*rows), 7000, DEFAULT).adc
+    found = after_divergence.extend_stimulus(replay_recording.Stimulus(*rows), 7000, DEFAULT).adc
     assert np.array_equal(found[:3], codes)
     assert found[3:, 0].tolist() == [9850, 13100, 16350, 19600]
     assert np.array_equal(found[3:, 1:], codes[[0, 1, 2, 0], 1:])
-    none = replay.Stimulus(rows[0][:0], *rows[1:])
+    none = replay_recording.Stimulus(rows[0][:0], *rows[1:])
     assert after_divergence.extend_stimulus(none, 7000, DEFAULT) is none
 
 

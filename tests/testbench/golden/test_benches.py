@@ -196,7 +196,7 @@ def test_a_wrong_design_fails(bundles, tmp_path, sim, name, old, new):
     assert done.returncode != 0
     lines = done.stdout.splitlines()
     rows = [line for line in lines if line.startswith("row ")]
-    assert len({line.split(":")[0] for line in rows}) == benches.SHOWN
+    assert len({line.split(":")[0] for line in rows}) == benches.REPORTED_ROWS
     assert all(": expected " in line and line.endswith(f"(hex) [{sim}]") for line in rows)
     assert [line for line in lines if line.startswith(f"FAIL {stem}/default: ") and "rows differ" in line]
 

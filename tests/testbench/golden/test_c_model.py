@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 from fpga_model import fixed
 from testbench.errors import ConfigError
 from testbench.golden import cli
+from testbench.golden.bundles import design_bundle
 from testbench.golden.bundles import export as bundles_export
-from testbench.golden.bundles import top
-from testbench.golden.c_model import export
+from testbench.golden.c_model import export_c
+from testbench.golden.c_model.c_kinds import NUMBER, infer_kind
 from testbench.golden.c_model.expressions import Unsupported
-from testbench.golden.c_model.kinds import NUMBER, infer_kind
 from testbench.golden.c_model.program import Program
 from testbench.golden.recording import recording
 from tests import naive
@@ -41,12 +41,12 @@ def checked(folder, *goals):
 def model(bundles, tmp_path_factory):
     """A folder of C with bundles of three blocks and of the first frames of the whole design."""
     folder = tmp_path_factory.mktemp("c")
-    export.export(folder)
+    export_c.export(folder)
     for stem in ("dds", "pi", "quadrature_loop"):
         shutil.copytree(bundles(stem), folder / "golden" / stem)
     r = recording.load("reset")
     window = recording.Window(3250, 200, "second frame")
-    top.write(top.first_frames(r, FRAMES, (window,)), folder / "golden" / "top" / "reset")
+    design_bundle.write(design_bundle.first_frames(r, FRAMES, (window,)), folder / "golden" / "top" / "reset")
     return folder
 
 
@@ -130,7 +130,7 @@ def test_no_statement_allocates_or_computes_in_floating_point(model):
 
 
 def test_two_exports_are_one(model, tmp_path):
-    for path in export.export(tmp_path):
+    for path in export_c.export(tmp_path):
         assert path.read_bytes() == (model / path.relative_to(tmp_path)).read_bytes()
 
 
@@ -141,7 +141,7 @@ def compiled(program, folder, stem):
     """Functions of a part as a shared library."""
     files = {f"{stem}.h": program.header(stem), f"{stem}.c": program.source(stem)}
     for name in ("integers.h", "integers.c"):
-        files[name] = (export.TEMPLATES / name).read_text()
+        files[name] = (export_c.TEMPLATES / name).read_text()
     for name, text in files.items():
         (folder / name).write_text(text)
     sources = [folder / name for name in files if name.endswith(".c")]
@@ -245,7 +245,7 @@ def test_a_file_that_is_not_of_the_model_is_refused(tmp_path):
     (tmp_path / "model").mkdir()
     (tmp_path / "model" / "mine.c").write_text("")
     with pytest.raises(ConfigError, match=r"mine\.c is not of this model: make would compile it; move it"):
-        export.export(tmp_path)
+        export_c.export(tmp_path)
 
 
 PAGE = Path(__file__).parents[3] / "docs" / "c_model.md"
@@ -313,7 +313,7 @@ def test_a_fault_of_the_whole_design_stops_at_its_clock(model, wrong_rtl, tmp_pa
     r, frames = recording.load("story"), FAULT_FRAME + 1
     clocks = r.params.design.frame_clocks
     window = recording.Window(FAULT_FRAME * clocks, clocks, "every clock")
-    top.write(top.first_frames(r, frames, (window,)), tmp_path / "top" / "story")
+    design_bundle.write(design_bundle.first_frames(r, frames, (window,)), tmp_path / "top" / "story")
     done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={RTL}")
     assert f"top: {frames * clocks} clocks equal to the model [dpi]" in done.stdout
     done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={wrong_rtl}")
@@ -396,7 +396,7 @@ def test_the_numbers_of_a_small_processor_are_those_of_the_page(model):
 def test_every_bundle_passes_under_both_compilers(tmp_path, goal, compiler):
     """Every row of every register; under the sanitizers the first frames of the whole design."""
     need(compiler)
-    export.export(tmp_path)
+    export_c.export(tmp_path)
     written = bundles_export.export("all", tmp_path / "golden")
     done = checked(tmp_path, goal, f"CC={compiler}", *(["FRAMES=100"] if goal == "sanitize" else []))
     assert done.returncode == 0, done.stdout
@@ -412,7 +412,7 @@ def test_the_design_of_a_file_passes_its_bundles(tmp_path, name):
     if name == "notch":
         path = tmp_path / "notch.toml"
         path.write_text("[firmware]\nnotch_hz = 139.0\nsense_code_registers = 2\n")
-    export.export(tmp_path / "c", path)
+    export_c.export(tmp_path / "c", path)
     for stem in ("dds", "agc", "sine", "spi_adc", "notch"):
         bundles_export.export(stem, tmp_path / "c" / "golden", config=path)
     done = checked(tmp_path / "c", "check", "CC=gcc")

@@ -12,9 +12,9 @@ from fpga_model.design_record import DEFAULT, Design
 from testbench import config
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli
-from testbench.golden.bundles import bundle, design_entry, export, recompute, top
+from testbench.golden.bundles import bundle, design_bundle, design_entry, export, recompute
 from testbench.golden.check import compare, rtl_run
-from testbench.golden.diagnosis.verdict import SURE
+from testbench.golden.diagnosis.cause_ranking import SURE
 from testbench.golden.recording import make_recordings, recording
 from testbench.golden.stimulus import blocks
 from tests.testbench.engines.test_designs import BOARDS, SEED, drawn
@@ -103,7 +103,7 @@ def export_default(folder):
 def test_a_case_of_a_board_has_its_parameters(low_cost):
     """Of the modulators: those that the firmware is built with, and those of the block at the board's design."""
     found = design_entry.config_blocks(LOW_COST)["modulator"]
-    _, params = design_entry.board(LOW_COST)
+    _, params = design_entry.read_board(LOW_COST)
     assert found.cases["drive_modulator"] == params.drive_modulator
     assert found.cases["sense_modulator"] == params.sense_modulator
     assert found.cases["dac16"].shift == blocks.BLOCKS["modulator"].cases["dac16"].shift - 2, (
@@ -146,12 +146,12 @@ REACHED = ("STANDBY to OPEN", "SEARCH to RETUNE", "SEARCH to KICK", "reset while
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The first frames of the case `reset` of the low-cost board."""
-    _, firmware = design_entry.board(LOW_COST)
-    r = top.first_frames(
+    _, firmware = design_entry.read_board(LOW_COST)
+    r = design_bundle.first_frames(
         make_recordings.reset_case(recording.load("story"), firmware), 4, (recording.Window(5000, 40, ""),)
     )
     folder = tmp_path_factory.mktemp("whole") / "reset"
-    top.write(r, folder, include_design=True)
+    design_bundle.write(r, folder, include_design=True)
     return folder
 
 
@@ -161,7 +161,7 @@ def test_a_bundle_of_the_whole_design_of_a_board(whole, tmp_path):
     other = {key.upper(): value for key, value in d._asdict().items() if value != getattr(DEFAULT, key)}
     assert {entry["name"]: entry["value"] for entry in manifest["design_params"]} == other
     assert recompute.recompute(whole).rows == manifest["n"] == 41
-    folder, cut = top.window(whole, 4000, 40, tmp_path / "w")
+    folder, cut = design_bundle.window(whole, 4000, 40, tmp_path / "w")
     assert (cut["n"], cut["frames"]) == (41, 2)
     assert bundle.read(folder).signatures == bundle.read(whole).signatures[:2]
 
@@ -178,8 +178,8 @@ def test_the_reference_rtl_passes_the_whole_design_of_a_board(whole, tmp_path):
 
 @pytest.mark.slow
 def test_the_case_reset_of_a_board_goes_through_all_states(tmp_path):
-    settings_, firmware = design_entry.board(LOW_COST)
-    manifest = top.export_board(firmware, settings_, "reset", tmp_path / "top" / "reset")
+    settings_, firmware = design_entry.read_board(LOW_COST)
+    manifest = design_bundle.export_board(firmware, settings_, "reset", tmp_path / "top" / "reset")
     shown = " ".join(window["shows"] for window in manifest["windows"])
     assert all(text in shown for text in REACHED), shown
 
@@ -232,7 +232,7 @@ def test_the_whole_design_of_every_board_passes(name, tmp_path):
     """All frames of both cases under Verilator; the loop of the board itself from power-on under Icarus too."""
     path = BOARDS / f"{name}.toml" if isinstance(name, str) else random_board(tmp_path, name)
     done = export.export("top", tmp_path / "out", config=path)
-    assert [folder.name for folder, _ in done] == list(top.BOARD_CASES)
+    assert [folder.name for folder, _ in done] == list(design_bundle.BOARD_CASES)
     for folder, _ in done:
         found = check(folder, "verilator", RTL)
         assert found.returncode == 0, found.stdout
@@ -411,9 +411,9 @@ def test_options_that_do_not_fit_are_one_clear_line(tmp_path):
 
 def test_the_page_states_what_is_exported_of_a_board():
     page = (BOARDS.parent / "golden.md").read_text()
-    assert all(f"| `top/{case}` |" in page for case in top.BOARD_CASES)
-    assert f"from power-on for {top.BOARD_FRAMES} frames" in page
-    assert inspect.signature(cli.export).parameters["frames"].default == top.BOARD_FRAMES
+    assert all(f"| `top/{case}` |" in page for case in design_bundle.BOARD_CASES)
+    assert f"from power-on for {design_bundle.BOARD_FRAMES} frames" in page
+    assert inspect.signature(cli.export).parameters["frames"].default == design_bundle.BOARD_FRAMES
 
 
 EDITS = [

@@ -42,7 +42,7 @@ def flipped(golden, row, names, level="registers", style="sync", clocks=None, un
         got[port["name"]] = compare.Column(column.copy(), np.ones(len(column), bool))
     for name in names:
         got[name].values[row - found.first] ^= 1
-        got[name].known[row - found.first] = name not in unknown
+        got[name].valid[row - found.first] = name not in unknown
     return compare.compare_bundle(found.golden, got, scope=found)
 
 

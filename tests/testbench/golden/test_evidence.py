@@ -6,8 +6,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from testbench.golden.bundles import provenance
-from testbench.golden.coverage import coverage, evidence, unreachable
+from testbench.golden.bundles import bundle_provenance
+from testbench.golden.coverage import coverage, coverage_evidence, unreachable
 from testbench.golden.stimulus import blocks, corners, stimulus
 from tests.testbench.golden import corners_search
 from tests.testbench.golden.benching import but_counting, made
@@ -121,7 +121,7 @@ def test_toggles_count_what_a_plain_loop_counts():
 def test_summary_counts_the_goals(stem, case, met):
     block = blocks.BLOCKS[stem]
     rows, _ = made(stem, case)
-    entry = evidence.summary(block, case, rows, results(block, case, rows))
+    entry = coverage_evidence.summary(block, case, rows, results(block, case, rows))
     goals, dead = coverage.goals(block, case), unreachable.reasons(block, case)
     pairs = [*entry["toggles"].values(), *entry["outcomes"].values()]
     assert sum(possible for _, possible in pairs) == len(goals) - len(dead) == len(set(goals)) - entry["proved"]
@@ -137,17 +137,17 @@ def test_a_vector_without_resets_has_less_to_show():
     """The entry depends on the rows: half of them reach less."""
     block = blocks.BLOCKS["cordic"]
     rows, _ = stimulus.make(block, "default")
-    whole = evidence.summary(block, "default", rows, results(block, "default", rows))
+    whole = coverage_evidence.summary(block, "default", rows, results(block, "default", rows))
     rows = rows[:200]
-    part = evidence.summary(block, "default", rows, results(block, "default", rows))
+    part = coverage_evidence.summary(block, "default", rows, results(block, "default", rows))
     assert part["outcomes"]["round"][0] < whole["outcomes"]["round"][0]
     assert sum(seen for seen, _ in part["toggles"].values()) < sum(seen for seen, _ in whole["toggles"].values())
 
 
 def test_commit_of_the_tree_or_unknown(tmp_path):
-    assert provenance.git_head(tmp_path) == "unknown"
+    assert bundle_provenance.git_head(tmp_path) == "unknown"
     (tmp_path / ".git").mkdir()
-    assert provenance.git_head(tmp_path) == "unknown"
+    assert bundle_provenance.git_head(tmp_path) == "unknown"
     (tmp_path / ".git").rmdir()
     git = ["git", "-C", str(tmp_path), "-c", "user.name=x", "-c", "user.email=x@y.z"]
     try:
@@ -155,7 +155,7 @@ def test_commit_of_the_tree_or_unknown(tmp_path):
         subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", "x"], check=True)
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("no git: the commit of a tree was NOT read")
-    head = provenance.git_head(tmp_path)
+    head = bundle_provenance.git_head(tmp_path)
     assert len(head) == 40
     assert set(head) <= set("0123456789abcdef")
 

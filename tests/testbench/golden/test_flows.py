@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.golden.bundles import top
+from testbench.golden.bundles import design_bundle
 from testbench.golden.loop import library
 from tests.testbench.golden.benching import RTL, need
 
@@ -126,7 +126,7 @@ def test_fusesoc_runs_a_bundle_with_a_design_that_is_a_core(bundles, tmp_path, t
 def test_fusesoc_finds_a_bundle_of_the_whole_design_and_its_pins_in_one_tree(tmp_path, name):
     pytest.importorskip("fusesoc", reason="FuseSoC is not installed: its core was NOT run")
     need("iverilog")
-    top.export_case("reset", tmp_path / "top" / "reset")
+    design_bundle.export_case("reset", tmp_path / "top" / "reset")
     (tmp_path / "mine").mkdir()
     files = [Path(shutil.copy(path, tmp_path / "mine")).name for path in library.sources(RTL)]
     (tmp_path / "mine" / "top.core").write_text(

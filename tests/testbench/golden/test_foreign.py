@@ -16,7 +16,7 @@ from testbench.errors import ConfigError, FileError
 from testbench.golden import cli, phase_cost
 from testbench.golden.bundles import adapted_bundle, bundle
 from testbench.golden.check import design_run, rtl_run
-from testbench.golden.foreign import comparison_scope, design_map, sources
+from testbench.golden.foreign import comparison_scope, design_map, rtl_sources
 from testbench.golden.stimulus import levels
 from testbench.golden.stimulus.blocks import BLOCKS
 from testbench.paper.loop import derived
@@ -385,18 +385,18 @@ def test_a_list_names_files_folders_macros_and_libraries(tmp_path):
         (tmp_path / name).write_text("")
     (tmp_path / "deep" / "d.f").write_text("d.v +define+Q")
     (tmp_path / "x.f").write_text("// list\n+incdir+inc a.sv # one\n-DP=3 -f deep/d.f\nb.v\ninc/c.svh\n")
-    found = sources.read_source_list(tmp_path / "x.f")
+    found = rtl_sources.read_source_list(tmp_path / "x.f")
     assert [path.name for path in found.files] == ["a.sv", "d.v", "b.v"]
     assert (found.defines, found.includes[0].name, found.language) == (("P=3", "Q"), "inc", "verilog")
     (tmp_path / "e.vhd").write_text("")
     (tmp_path / "x.f").write_text("-work one e.vhd\n")
-    assert sources.read_source_list(tmp_path / "x.f").libraries == ("one",)
+    assert rtl_sources.read_source_list(tmp_path / "x.f").libraries == ("one",)
     for text, said in (("no.v", "line 1: no file"), ("-y lib", "line 1: -y is none of"), ("+incdir+no", "no folder"),
                        ("-f x.f", "the list names itself"), ("", "names no source file"), ("-work", "needs a value"),
                        ("a.sv e.vhd", "Verilog and VHDL in one list")):  # fmt: skip
         (tmp_path / "x.f").write_text(text)
         with pytest.raises(FileError, match=said):
-            sources.read_source_list(tmp_path / "x.f")
+            rtl_sources.read_source_list(tmp_path / "x.f")
 
 
 LISTS = {

@@ -241,7 +241,7 @@ def test_after_reset_the_design_holds_the_reset_values(quick):
     with library.Design(quick[2]) as design:
         values = design.read()
     assert values[: len(library.REGISTERS)].tolist() == [int(value) for _, value in leaves(top.State())]
-    assert len(values) == lockstep.PLACES
+    assert len(values) == lockstep.SIGNAL_COUNT
 
 
 def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):

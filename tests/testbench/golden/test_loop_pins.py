@@ -19,7 +19,7 @@ from testbench.config import Config, changed, scenario
 from testbench.engines import chips
 from testbench.errors import ConfigError, FileError
 from testbench.golden import divergence
-from testbench.golden.bundles import bundle, recompute, top
+from testbench.golden.bundles import bundle, design_bundle, recompute
 from testbench.golden.loop import judgement, library, pin_meter, run
 from testbench.golden.recording import make_recordings
 from testbench.run import build, simulate
@@ -32,7 +32,7 @@ VERILATOR = pytest.mark.skipif(
 PARAMS = build.firmware(Config())
 FACE = library.pin_face("mine", PARAMS, chips.parts(chips.design_chips(Config().design)))
 DECLARED = {port: ("IN", width) for port, width in FACE.inputs.values()} | {
-    port: ("OUT", fmt.width) for _, port, fmt in FACE.seen
+    port: ("OUT", fmt.width) for _, port, fmt in FACE.observed_ports
 }
 
 
@@ -225,7 +225,7 @@ def test_a_map_is_a_wrapper_with_the_pins_of_the_board(tmp_path):
     text = made.read_text()
     assert face.top in text
     assert ".reset_n(~rst)" in text
-    assert all(re.search(rf"output wire .*\b{port}\b", text) for _, port, _ in FACE.seen)
+    assert all(re.search(rf"output wire .*\b{port}\b", text) for _, port, _ in FACE.observed_ports)
     (tmp_path / "map.toml").write_text(MAP.replace("refs =", "reffs ="))
     with pytest.raises(FileError, match=r"map\.toml: \[outputs\]: board has no reffs; did you mean"):
         library.write_map_wrapper(FACE, tmp_path / "map.toml", None, tmp_path)
@@ -307,7 +307,7 @@ def vhdl_player(folder, words, columns):
 @pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT run in the loop")
 def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
     """It plays words back through the library that the loop calls."""
-    columns, rng = top.make_block({}).pins, np.random.default_rng(8)
+    columns, rng = design_bundle.make_block({}).pins, np.random.default_rng(8)
     words = [int(word) for word in rng.integers(0, 1 << sum(p.width for p in columns), 300)]
     rtl = vhdl_player(tmp_path / "rtl", words, columns)
     listed = library.user_sources(rtl, "player", rtl / "player.f", tmp_path / "built")
@@ -325,7 +325,7 @@ def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
 
 @pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT read")
 def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
-    columns = top.make_block({}).pins
+    columns = design_bundle.make_block({}).pins
     rtl = vhdl_player(tmp_path / "rtl", [1, 2], columns)
     with pytest.raises(FileError, match=r"Player: GHDL writes names in lower case: call the top player"):
         library.user_sources(rtl, "Player", rtl / "player.f", tmp_path)
@@ -440,7 +440,7 @@ def test_data_counts_where_a_dac_reads_it():
         in text
     )
     design = object.__new__(library.Design)
-    design.places, design._data = [at for at, _, _ in FACE.seen], FACE.read
+    design.signal_indices, design._data = [at for at, _, _ in FACE.observed_ports], FACE.read
     for selected, running in ((0, 0), (0, 1), (1, 0), (1, 1)):
         row = np.zeros(len(library.NAMES), np.int64)
         row[library.NAMES.index("sense_sync_n")], row[library.NAMES.index("sense_sclk_en")] = 1 - selected, running

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from testbench.commands.main import app, main
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle
-from testbench.golden.mutation import aig, judge, mutate
+from testbench.golden.mutation import aig, mutant_judge, mutate
 from testbench.golden.stimulus import blocks
 from tests.testbench.rtl.test_rtl import RTL
 
@@ -79,7 +79,7 @@ def tiny(tmp_path_factory):
 @pytest.fixture(scope="module", params=[20, pytest.param(1000, marks=pytest.mark.slow)], ids=["some", "every"])
 def verdicts(tiny, request):
     """Outcomes of both bundles, each with some or every fault that the counter has."""
-    return [mutate.score(folder, tiny.rtl, count=request.param) for folder in (tiny.strong, tiny.weak)]
+    return [mutate.score_bundle(folder, tiny.rtl, count=request.param) for folder in (tiny.strong, tiny.weak)]
 
 
 def test_the_judge_agrees_with_vectors_that_see_everything(verdicts):
@@ -118,7 +118,7 @@ def test_a_trace_is_a_test_that_kills(verdicts, tiny, tmp_path):
 def test_a_failing_design_is_refused(tiny, tmp_path):
     (tmp_path / "tiny.v").write_text(TINY.replace("4'd0 : following", "4'd1 : following"))
     with pytest.raises(FileError, match=r"tiny/ten: the design differs from the bundle at row \d+: a failing design"):
-        mutate.score(tiny.strong, tmp_path, count=10)
+        mutate.score_bundle(tiny.strong, tmp_path, count=10)
 
 
 def test_the_command_refuses_a_failing_design(tiny, tmp_path, capsys):
@@ -134,14 +134,14 @@ def test_the_command_refuses_a_failing_design(tiny, tmp_path, capsys):
 def test_a_design_that_does_not_compile_is_refused(tiny, tmp_path):
     (tmp_path / "tiny.v").write_text(TINY.replace("endmodule", ""))
     with pytest.raises(FileError, match="yosys failed"):
-        mutate.score(tiny.strong, tmp_path, count=10)
+        mutate.score_bundle(tiny.strong, tmp_path, count=10)
 
 
 def test_a_latch_is_refused(tiny, tmp_path):
     latch = "    reg odd; always @(*) if (en) odd = rst;\n    assign o_full = odd | "
     (tmp_path / "tiny.v").write_text(TINY.replace("    assign o_full = ", latch))
     with pytest.raises(FileError, match="yosys failed"):
-        mutate.score(tiny.strong, tmp_path, count=10)
+        mutate.score_bundle(tiny.strong, tmp_path, count=10)
 
 
 @pytest.mark.parametrize(
@@ -153,15 +153,15 @@ def test_a_latch_is_refused(tiny, tmp_path):
 )
 def test_bad_numbers_are_named(tiny, given, said):
     with pytest.raises(ConfigError, match=re.escape(said)):
-        mutate.score(tiny.strong, tiny.rtl, **given)
+        mutate.score_bundle(tiny.strong, tiny.rtl, **given)
 
 
 def test_missing_things_are_named(tiny, tmp_path, monkeypatch):
     with pytest.raises(FileError, match=r"tiny\.v: no such file; the design of tiny needs it"):
-        mutate.score(tiny.strong, tmp_path)
+        mutate.score_bundle(tiny.strong, tmp_path)
     monkeypatch.setattr(mutate.shutil, "which", lambda name: None if name == "yosys-abc" else name)
     with pytest.raises(ConfigError, match="yosys-abc: not installed"):
-        mutate.score(tiny.strong, tiny.rtl)
+        mutate.score_bundle(tiny.strong, tiny.rtl)
 
 
 def test_the_command_prints_json_and_notes_it_in_the_manifest(tiny):
@@ -188,9 +188,9 @@ def test_the_same_seed_gives_the_same_faults(tiny, tmp_path):
     assert not [m for m in first if "CLK" in m.options]
 
 
-@pytest.mark.parametrize("stem", judge.CONTRACTS)
+@pytest.mark.parametrize("stem", mutant_judge.CONTRACTS)
 def test_contracts_speak_of_ports_that_exist(stem):
-    block, (strobe, register) = blocks.BLOCKS[stem], judge.CONTRACTS[stem]
+    block, (strobe, register) = blocks.BLOCKS[stem], mutant_judge.CONTRACTS[stem]
     assert {p.name: p.width for p in block.columns}[strobe] == 1
     assert register in {f"r_{p.name}" for p in block.registers}
 
@@ -203,7 +203,7 @@ def judged(tiny, work, **more):
     mutants = mutate.choose(work, 1000, 1, "tiny")
     graph = mutate.insert_faults(mutants, work, "tiny")
     first, held = mutate.simulate(tiny.strong, manifest, graph, [m.number for m in mutants])
-    found = judge.Judge(graph, mutate.SELECT, held, "tiny", work, **more)
+    found = mutant_judge.Judge(graph, mutate.SELECT, held, "tiny", work, **more)
     return found, [m.number for m in mutants if first[m.number] < 0]
 
 
@@ -227,7 +227,7 @@ def test_a_contract_leaves_inputs_out(tiny, tmp_path, monkeypatch):
     free, _ = judged(tiny, tmp_path / "free")
     seen = {n: free.verdict(n) for n in range(1, 40)}
     carries = [n for n, verdict in seen.items() if verdict.verdict == "alive" and len(verdict.trace) > 2]
-    monkeypatch.setitem(judge.CONTRACTS, "tiny", ("en", "r_count"))
+    monkeypatch.setitem(mutant_judge.CONTRACTS, "tiny", ("en", "r_count"))
     bound, _ = judged(tiny, tmp_path / "bound")
     verdicts = {n: bound.verdict(n) for n in carries}
     assert "equivalent" in {v.verdict for v in verdicts.values()}
@@ -236,7 +236,7 @@ def test_a_contract_leaves_inputs_out(tiny, tmp_path, monkeypatch):
 def test_a_step_that_takes_too_long_is_given_up_and_says_so(tiny, tmp_path, monkeypatch):
     found, left = judged(tiny, tmp_path / "slow")
     reached = next(n for n in left if found.verdict(n).why == "in every state that can be reached")
-    monkeypatch.setattr(judge, "_abc", lambda commands, work, what: None)
+    monkeypatch.setattr(mutant_judge, "_abc", lambda commands, work, what: None)
     verdict = found.verdict(reached)
     assert verdict.verdict == "undecided"
     assert verdict.why.count("was given up after") == 3
@@ -244,7 +244,7 @@ def test_a_step_that_takes_too_long_is_given_up_and_says_so(tiny, tmp_path, monk
 
 def test_the_solvers_are_bounded_by_work():
     """No option of a step is a time: -T of ABC would make a verdict depend on the load of the machine."""
-    for step in (judge.ONCE, judge.NEAR, judge.PROOF, judge.FAR):
+    for step in (mutant_judge.IPROVE, mutant_judge.SHORT_BMC, mutant_judge.PROOF, mutant_judge.LONG_BMC):
         assert "-T" not in step
         assert re.search(r"-[CM] \d+", step)
 
@@ -253,7 +253,7 @@ def test_a_block_of_the_reference_design_has_every_fault_judged(tmp_path):
     from testbench.golden.bundles.export import export
 
     export("isqrt", tmp_path)
-    outcome = mutate.score(tmp_path / "isqrt" / "default", RTL, count=60, seed=2)
+    outcome = mutate.score_bundle(tmp_path / "isqrt" / "default", RTL, count=60, seed=2)
     assert outcome.mutants == 60
     assert outcome.undecided == 0
     assert outcome.score == 1, outcome.text()
@@ -270,7 +270,7 @@ def test_files_that_are_no_netlist_are_refused(tmp_path):
 def test_a_port_that_is_missing_or_has_another_width_is_named(tiny, tmp_path):
     (tmp_path / "tiny.v").write_text(TINY.replace("o_full", "o_rest"))
     with pytest.raises(FileError, match="port o_full is missing"):
-        mutate.score(tiny.strong, tmp_path, count=10)
+        mutate.score_bundle(tiny.strong, tmp_path, count=10)
     (tmp_path / "tiny.v").write_text(TINY.replace("output reg [3:0]", "output reg [4:0]"))
     with pytest.raises(FileError, match="port r_count has 5 bits, not 4"):
-        mutate.score(tiny.strong, tmp_path, count=10)
+        mutate.score_bundle(tiny.strong, tmp_path, count=10)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from testbench.errors import ConfigError, FileError
 from testbench.golden.loop import library
-from testbench.golden.mutation import judge, miter, mutate, mutate_top
+from testbench.golden.mutation import miter, mutant_judge, mutate, mutate_top
 from testbench.golden.recording import recording
 from tests.testbench.rtl.test_rtl import RTL
 
@@ -85,7 +85,7 @@ def test_ranges_of_numbers_are_compared_right():
 
 
 def test_equivalent_in_every_case_or_not_at_all():
-    same, alive = judge.Verdict("equivalent", "in every state", []), judge.Verdict("alive", "x", [{}])
+    same, alive = mutant_judge.Verdict("equivalent", "in every state", []), mutant_judge.Verdict("alive", "x", [{}])
     assert mutate_top._worst(iter([same, same])) is same
     assert mutate_top._worst(iter([same, alive])) is alive
     rest = iter([alive, same])
@@ -107,19 +107,19 @@ def test_ranges_that_are_tried_are_those_of_the_loops():
 def test_bad_numbers_are_named():
     for given_ in ({"count": 0}, {"seed": -1}):
         with pytest.raises(ConfigError, match="count, seed: "):
-            mutate_top.score(RTL, **given_)
+            mutate_top.score_wiring(RTL, **given_)
 
 
 @NO_TOOLS
 def test_a_missing_design_is_named(tmp_path):
     with pytest.raises(FileError, match=re.escape(f"{tmp_path / 'top.v'}: no design")):
-        mutate_top.score(tmp_path)
+        mutate_top.score_wiring(tmp_path)
 
 
 @NO_TOOLS
 @pytest.mark.slow
 def test_the_wiring_of_the_reference_design():
-    outcome = mutate_top.score(RTL, ("reset",), count=20)
+    outcome = mutate_top.score_wiring(RTL, ("reset",), count=20)
     assert outcome.mutants == 20
     assert outcome.killed + outcome.equivalent == 20, outcome.text()
 
@@ -134,4 +134,4 @@ def test_a_wrong_wire_has_no_score(tmp_path):
     assert wrong != text
     (tmp_path / "top.v").write_text(wrong)
     with pytest.raises(FileError, match="top/reset: the design differs from the model at clock"):
-        mutate_top.score(tmp_path, ("reset",), count=1)
+        mutate_top.score_wiring(tmp_path, ("reset",), count=1)

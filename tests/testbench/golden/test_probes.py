@@ -70,8 +70,8 @@ def test_each_call_has_places_of_its_own():
     found = toy(1)
     assert {"toy > _helper: x >> n", "toy > _helper#2: x >> n"} <= set(found.sites)
     found.step(1, 1, 2)
-    assert found.sites["toy > _helper: x & 1"].seen == {"yes"}
-    assert found.sites["toy > _helper#2: x & 1"].seen == {"no"}
+    assert found.sites["toy > _helper: x & 1"].reached_outcomes == {"yes"}
+    assert found.sites["toy > _helper#2: x & 1"].reached_outcomes == {"no"}
 
 
 ROUNDED = {

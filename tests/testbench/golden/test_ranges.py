@@ -17,8 +17,8 @@ from fpga_model import cordic, digital_sid, isqrt, modulator, rate_output, seque
 from fpga_model.fixed import Fmt, bits, clamp, half_up, signed_bits
 from testbench.golden import cli
 from testbench.golden.bundles import bundle, export
-from testbench.golden.ranges import range_report, ranges, wiring
-from testbench.golden.ranges.interpreter import Interpreter, Unsupported, source
+from testbench.golden.ranges import range_report, range_wiring, ranges
+from testbench.golden.ranges.interpreter import Interpreter, Unsupported, source_tree
 from testbench.golden.ranges.intervals import Lin, Path, Run
 from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.blocks import Block, Port
@@ -329,7 +329,7 @@ def test_a_register_is_one_name_in_every_form():
 
 @pytest.mark.slow
 def test_the_proofs_hold_together_in_the_whole_design():
-    found = wiring.instances()
+    found = range_wiring.instances()
     within_others, optional = {"pi", "isqrt", "lock_monitor", "fault_monitor"}, {"notch"}
     assert {one.stem for one in found.values()} == set(blocks.BLOCKS) - within_others - optional
     for name, one in found.items():
@@ -343,7 +343,7 @@ def test_a_wire_that_brings_too_much_is_seen(monkeypatch):
     block = blocks.BLOCKS["agc"]
     inputs = tuple(p._replace(fmt=bits(24)) if p.name == "magnitude" else p for p in block.inputs)
     monkeypatch.setitem(blocks.BLOCKS, "agc", block._replace(inputs=inputs))
-    links = {link.port: link for link in wiring.instances.__wrapped__()["control.agc"].links}
+    links = {link.port: link for link in range_wiring.instances.__wrapped__()["control.agc"].links}
     assert (links["magnitude"].fits_format, links["magnitude"].spare) == (False, -1)
     assert all(link.fits_format for port, link in links.items() if port != "magnitude")
 
@@ -405,5 +405,5 @@ def test_every_kernel_of_the_blocks_was_read():
             modules = {result.function.split(".")[0] for result in ranges.analyse_case(stem, case).results}
             assert modules & {stem, "fixed", "pi"}, stem
     step = importlib.import_module("fpga_model.pi").step
-    assert source(step).name == "pi.step"
+    assert source_tree(step).name == "pi.step"
     assert File(step.py_func.__code__.co_filename if hasattr(step, "py_func") else step.__code__.co_filename).exists()

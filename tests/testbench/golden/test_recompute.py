@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from testbench.errors import FileError
 from testbench.golden import cli
-from testbench.golden.bundles import bundle, effect, recompute, top
+from testbench.golden.bundles import bundle, design_bundle, effect, recompute
 from testbench.golden.recording import recording
 from tests.testbench.golden import resealing
 
@@ -41,7 +41,9 @@ def reset():
 @pytest.fixture
 def design(reset, tmp_path):
     """The first two frames of `reset`, every clock of the second a row."""
-    top.write(top.first_frames(reset, 2, (recording.Window(3250, 3250, "second frame"),)), tmp_path / "reset")
+    design_bundle.write(
+        design_bundle.first_frames(reset, 2, (recording.Window(3250, 3250, "second frame"),)), tmp_path / "reset"
+    )
     return tmp_path / "reset"
 
 
@@ -159,7 +161,7 @@ def test_parameters_of_the_whole_design_are_found(design):
 def test_a_known_case_is_of_the_known_recording(reset, tmp_path):
     changed = reset.stimulus.adc.copy()
     changed[-1, 2] ^= 1
-    top.write(reset._replace(stimulus=reset.stimulus._replace(adc=changed)), tmp_path)
+    design_bundle.write(reset._replace(stimulus=reset.stimulus._replace(adc=changed)), tmp_path)
     refused(tmp_path, "is of another recording of reset")
 
 

@@ -12,8 +12,8 @@ from fpga_model.digital_sid import SAMPLE
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import FileError
 from testbench.flatten import names
-from testbench.golden.bundles import top as golden
-from testbench.golden.recording import make_recordings, recording, replay
+from testbench.golden.bundles import design_bundle as golden
+from testbench.golden.recording import make_recordings, recording, replay_recording
 
 CLOSED = (*(pytest.param(case, marks=pytest.mark.slow) for case in ("story", "power_on")), "story_digital")
 ALL_STATES = set(range(len(sequencer.STATES)))
@@ -27,7 +27,7 @@ def seen():
     def get(case):
         if case not in found:
             r = recording.load(case)
-            rows = replay.run(r.params, r.stimulus, r.frames, np.arange(r.frames) * FRAME_CYCLES)
+            rows = replay_recording.run(r.params, r.stimulus, r.frames, np.arange(r.frames) * FRAME_CYCLES)
             found[case] = r, dict(zip(names(top.State()), rows.registers.T)), rows
         return found[case]
 

@@ -14,8 +14,8 @@ from fpga_model import fault_monitor, registers, sequencer, top
 from fpga_model.fault_monitor import CODE
 from fpga_model.rates import FRAME_CYCLES
 from testbench.flatten import names
-from testbench.golden.bundles import top as golden
-from testbench.golden.recording import recording, registers_case, replay
+from testbench.golden.bundles import design_bundle as golden
+from testbench.golden.recording import recording, registers_case, replay_recording
 from tests.testbench.golden.benching import RTL, need
 from tests.testbench.rtl.test_rtl import ran
 
@@ -27,7 +27,9 @@ EVERY = [(r, bit) for r in registers.WRITABLE for bit in range(r.fmt.width)]
 
 def played(r, host):
     """Registers at the frame starts, with other host writes."""
-    return replay.run(r.params, r.stimulus._replace(host=host), r.frames, np.arange(r.frames) * FRAME_CYCLES).registers
+    return replay_recording.run(
+        r.params, r.stimulus._replace(host=host), r.frames, np.arange(r.frames) * FRAME_CYCLES
+    ).registers
 
 
 @pytest.fixture(scope="module")

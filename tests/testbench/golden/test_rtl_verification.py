@@ -72,9 +72,9 @@ def test_scores_are_noted_left_and_must_all_be_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(rtl_verification.export, "export", lambda stem, out: None)
     monkeypatch.setattr(rtl_verification.bundle, "verify", lambda folder: {"block": folder.parent.name})
     monkeypatch.setattr(rtl_verification.measured, "vectors", lambda manifest: f"of {manifest['block']}")
-    monkeypatch.setattr(mutate, "score", lambda folder, *_: outcome._replace(block=folder.parent.name))
+    monkeypatch.setattr(mutate, "score_bundle", lambda folder, *_: outcome._replace(block=folder.parent.name))
     monkeypatch.setattr(mutate, "record", lambda folder, outcome: noted.append(folder.name))
-    monkeypatch.setattr(rtl_verification.mutate_top, "score", lambda rtl, count: outcome._replace(block="top"))
+    monkeypatch.setattr(rtl_verification.mutate_top, "score_wiring", lambda rtl, count: outcome._replace(block="top"))
     assert rtl_verification.scores(RTL, tmp_path, options)
     assert len(noted) == len(blocks.BLOCKS)
     left = json.loads((tmp_path / scores.MUTATION).read_text())
@@ -82,7 +82,7 @@ def test_scores_are_noted_left_and_must_all_be_whole(tmp_path, monkeypatch):
     assert all(f"of {e['block']}" in e["vectors"].values() for e in left[:-1])
     assert set(left[-1]["vectors"]) == set(rtl_verification.mutate_top.CASES)
     monkeypatch.setattr(
-        rtl_verification.mutate_top, "score", lambda rtl, count: outcome._replace(block="top", killed=149)
+        rtl_verification.mutate_top, "score_wiring", lambda rtl, count: outcome._replace(block="top", killed=149)
     )
     assert not rtl_verification.scores(RTL, tmp_path, options)
 
@@ -97,7 +97,7 @@ def test_no_fault_may_be_alive_and_few_undecided(killed, equivalent, undecided, 
 
 def test_one_score_alone_keeps_the_others(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        rtl_verification.mutate_top, "score", lambda rtl, count: Outcome("top", "y", 1, count, 7, 0, 0, [])
+        rtl_verification.mutate_top, "score_wiring", lambda rtl, count: Outcome("top", "y", 1, count, 7, 0, 0, [])
     )
     rtl_verification.scores(RTL, tmp_path, SimpleNamespace(count=9, only=["top"]))
     left = json.loads((tmp_path / scores.MUTATION).read_text())

@@ -15,7 +15,7 @@ from testbench.commands.main import app
 from testbench.config import Config
 from testbench.errors import ConfigError, FileError
 from testbench.golden.proofs import synthesis
-from testbench.golden.recording import board
+from testbench.golden.recording import board_recording
 from testbench.run import build
 from tests.testbench.rtl.test_rtl import RTL, tool, yosys
 
@@ -94,7 +94,7 @@ def test_the_command_leaves_what_quartus_reads(tmp_path):
     assert json.loads(done.output)["board"] == "analog"
     assert {"gyro_board.v", "sine.hex", "cordic_atan.hex"} <= {path.name for path in tmp_path.iterdir()}
     text = (tmp_path / "gyro_board.v").read_text()
-    for name, width, raw in board.top_parameters(build.firmware(Config())):
+    for name, width, raw in board_recording.top_parameters(build.firmware(Config())):
         assert f".{name}({width}'h{raw:x})" in text
 
 
@@ -124,10 +124,10 @@ def told(script, folder):
 def test_the_project_names_the_part_and_every_source(tmp_path):
     lines = told(QUARTUS / "gyro.tcl", tmp_path)
     assert "global -name DEVICE EP4CE115F23I7" in lines
-    assert f"global -name TOP_LEVEL_ENTITY {board.MODULE}" in lines
+    assert f"global -name TOP_LEVEL_ENTITY {board_recording.MODULE}" in lines
     sources = {line.split("/")[-1] for line in lines if "VERILOG_FILE" in line and "/" in line}
     assert sources == {path.name for path in RTL.glob("*.v")}
-    ports = {name for _, name, _ in board.ports()}
+    ports = {name for _, name, _ in board_recording.ports()}
     named = {re.sub(r"\{|\}|\[.*", "", line.split(" -to ")[1]) for line in lines if line.startswith("instance")}
     assert named < ports
     assert not [line for line in lines if "LOCATION" in line]  # no pins
@@ -142,7 +142,7 @@ def test_the_constraints_cover_every_port(tmp_path):
     assert 0 <= 1e9 / MASTER_HZ - period_ns < 1e-3
     virtual = {"write", "address", "data", "sample_x", "sample_y"}
     seen = set(re.findall(r"\w+", " ".join(lines)))
-    assert {name for _, name, _ in board.ports()} - virtual <= seen
+    assert {name for _, name, _ in board_recording.ports()} - virtual <= seen
 
 
 @yosys

@@ -17,9 +17,9 @@ from testbench.engines import engine
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import leaves
 from testbench.golden import cli
-from testbench.golden.bundles import benches, bundle, top
+from testbench.golden.bundles import benches, bundle, design_bundle
 from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES
-from testbench.golden.recording import recording, replay, signature
+from testbench.golden.recording import recording, replay_recording, signature
 from testbench.golden.stimulus import blocks
 from tests.testbench.golden import standin
 from tests.testbench.golden.benching import NEEDS, RTL, make, need
@@ -36,21 +36,21 @@ END = recording.load(CASE).frames * FRAME_CYCLES  # clocks of the case
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
     folder = tmp_path_factory.mktemp("top")
-    top.export_case(CASE, folder / "top" / CASE)
+    design_bundle.export_case(CASE, folder / "top" / CASE)
     return folder / "top"
 
 
 @pytest.fixture(scope="module")
 def played(out):
     """Packed rows of the first frames, clock by clock, and the design whose they are."""
-    folder, _ = top.window(out / CASE, 0, PLAYED * FRAME_CYCLES, out.parent / "played")
+    folder, _ = design_bundle.window(out / CASE, 0, PLAYED * FRAME_CYCLES, out.parent / "played")
     return [int(line, 16) for line in (folder / "exp.hex").read_text().split()]
 
 
 @pytest.fixture(scope="module")
 def design():
     r = recording.load(CASE)
-    return top.make_block({CASE: r.params})
+    return design_bundle.make_block({CASE: r.params})
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def hashes(folder):
 
 def test_bundle_is_complete_and_reads_back(out, design):
     r, found = recording.load(CASE), bundle.read(out / CASE)
-    rows = replay.run(r.params, r.stimulus, r.frames, found.at)
+    rows = replay_recording.run(r.params, r.stimulus, r.frames, found.at)
     assert np.array_equal(found.stim, rows.inputs)
     assert np.array_equal(found.exp, np.column_stack([rows.registers, rows.pins]))
     assert found.signatures == tuple(signature.remainder_signature(words) for words in rows.remainders)
@@ -93,7 +93,7 @@ def test_bundle_is_complete_and_reads_back(out, design):
         *("tb_top.v", "tb_top.vhd", "tb_top_vunit.vhd", "cocotb_top.v", "test_top.py", "run_vunit.py"),
         *("rom/sine.hex", "rom/sine.mif", "rom/cordic_atan.hex", "rom/cordic_atan.mif"),
         *(f"ports/{p.name}.hex" for p in design.columns),
-        *(f"ports/{name}.hex" for name, _ in benches.results(design)),
+        *(f"ports/{name}.hex" for name, _ in benches.result_pairs(design)),
     } <= listed
     lines = (out / CASE / "vec.csv").read_text().splitlines()
     assert [int(v) for v in lines[-1].split(",")] == [found.at[-1], *found.stim[-1], *found.exp[-1]]
@@ -115,11 +115,16 @@ def test_pins_are_those_of_the_clocked_engine():
     from testbench.run import build
 
     params = build.params(Config(), 25.0, 25.0)
-    state, streams = engine.reset(params, 25.0), engine.streams(ticks=250, edges=6500, register_count=replay.REGISTERS)
+    state, streams = (
+        engine.reset(params, 25.0),
+        engine.streams(ticks=250, edges=6500, register_count=replay_recording.REGISTERS),
+    )
     engine.run(params, state, 250, np.zeros(4), np.full(4, 25.0), engine.NO_WRITE, engine.Faults(), streams)
     adc = recording.load("power_on").stimulus.adc
     none = np.zeros((0, 4), np.int64), np.zeros((0, 2), np.int64)
-    rows = replay.run(params.fpga, replay.Stimulus(adc[adc[:, 0] < 6500], *none), 2, np.arange(6500))
+    rows = replay_recording.run(
+        params.fpga, replay_recording.Stimulus(adc[adc[:, 0] < 6500], *none), 2, np.arange(6500)
+    )
     assert np.array_equal(rows.registers, streams.registers)
     at = {name: k for k, name in enumerate(engine.PIN_COLUMNS)}
     assert np.array_equal(rows.pins, streams.pins[:, [at[name] for name in firmware.Pins._fields]])
@@ -127,7 +132,7 @@ def test_pins_are_those_of_the_clocked_engine():
 
 
 def test_signatures_are_the_definition_applied_to_every_clock(out, played, design):
-    width = sum(p.width for _, p in benches.results(design))
+    width = sum(p.width for _, p in benches.result_pairs(design))
     stored = [int(line, 16) for line in (out / CASE / "sig.hex").read_text().split()]
     for frame in range(PLAYED):
         rows = played[frame * FRAME_CYCLES : (frame + 1) * FRAME_CYCLES]
@@ -146,14 +151,14 @@ def test_reset_in_the_middle_loads_the_reset_values_in_one_clock(out):
 
 
 def test_bundle_is_the_one_that_was_shipped(out):
-    assert pin_of(bundle.verify(out / CASE)) == json.loads(PINNED.read_text())[f"{top.STEM}/{CASE}"]
+    assert pin_of(bundle.verify(out / CASE)) == json.loads(PINNED.read_text())[f"{design_bundle.STEM}/{CASE}"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", top.CASES)
+@pytest.mark.parametrize("case", design_bundle.CASES)
 def test_export_again_is_byte_identical(out, case, tmp_path):
-    manifest = top.export_case(case, tmp_path / "top" / case)
-    assert pin_of(manifest) == json.loads(PINNED.read_text())[f"{top.STEM}/{case}"]
+    manifest = design_bundle.export_case(case, tmp_path / "top" / case)
+    assert pin_of(manifest) == json.loads(PINNED.read_text())[f"{design_bundle.STEM}/{case}"]
     assert case != CASE or hashes(tmp_path / "top" / case) == hashes(out / case)
 
 
@@ -161,7 +166,7 @@ def test_an_export_loads_neither_plant_nor_engine():
     code = "import sys, testbench.golden.bundles.export as e; print(*sorted(m for m in sys.modules if '.' in m))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
-    assert "testbench.golden.bundles.top" in loaded
+    assert "testbench.golden.bundles.design_bundle" in loaded
     assert {m for m in loaded if m.startswith("analog_frontend.")} == {
         "analog_frontend.parts",
         "analog_frontend.parts.adc_serial",
@@ -187,9 +192,9 @@ def test_waves_show_the_windows_at_their_own_times(out):
 
 def test_the_page_states_the_cases_and_the_frames_that_are_run():
     page = (RTL.parents[1] / "docs" / "golden.md").read_text()
-    for case in top.CASES:
+    for case in design_bundle.CASES:
         r = recording.load(case)
-        cells = f"| `{case}` | {r.frames} | {r.frames * FRAME_CYCLES} | {len(top.row_clocks(r))} |"
+        cells = f"| `{case}` | {r.frames} | {r.frames * FRAME_CYCLES} | {len(design_bundle.row_clocks(r))} |"
         assert cells in page
     for sim, frames in DEFAULT_FRAMES.items():
         assert f"| {sim} | {frames or 'all'} |" in page
@@ -263,35 +268,35 @@ def test_a_manifest_without_its_counts_is_refused(copy, change, text):
 
 
 def test_window_holds_every_clock_of_its_place_and_the_same_signatures(out, tmp_path):
-    folder, manifest = top.window(out / CASE, 3 * FRAME_CYCLES - 7, 40, tmp_path / "w")
+    folder, manifest = design_bundle.window(out / CASE, 3 * FRAME_CYCLES - 7, 40, tmp_path / "w")
     found, whole = bundle.read(folder), bundle.read(out / CASE)
     assert set(range(3 * FRAME_CYCLES - 7, 3 * FRAME_CYCLES + 33)) <= set(found.at.tolist())
     assert manifest["frames"] == 4
     assert found.signatures == whole.signatures[:4]
     assert manifest["recording_sha256"] != whole.manifest["recording_sha256"]
-    assert top.window(out / CASE, 0, 1)[0] == out / f"{CASE}_0"
-    assert top.window(out / CASE / "pins", 0, 1)[0] == out / f"{CASE}_pins_0"
+    assert design_bundle.window(out / CASE, 0, 1)[0] == out / f"{CASE}_0"
+    assert design_bundle.window(out / CASE / "pins", 0, 1)[0] == out / f"{CASE}_pins_0"
 
 
 def test_places_outside_the_case_are_refused(out, tmp_path):
-    for clock, count in ((-1, 5), (END - 4, 5), (0, 0), (0, top.MAX_WINDOW + 1)):
+    for clock, count in ((-1, 5), (END - 4, 5), (0, 0), (0, design_bundle.MAX_WINDOW + 1)):
         with pytest.raises(ConfigError, match="is outside"):
-            top.window(out / CASE, clock, count, tmp_path / "w")
+            design_bundle.window(out / CASE, clock, count, tmp_path / "w")
     assert not (tmp_path / "w").exists()
 
 
 def test_window_of_another_recording_or_of_a_block_is_refused(copy, tmp_path):
     reseal(copy, lambda m: m.update(recording_sha256="0" * 64))
     with pytest.raises(FileError, match="export it again"):
-        top.window(copy, 0, 5, tmp_path / "w")
+        design_bundle.window(copy, 0, 5, tmp_path / "w")
     reseal(copy, lambda m: m.update(case="nothing"))
     with pytest.raises(FileError, match="is not one of reset, story"):
-        top.window(copy, 0, 5, tmp_path / "w")
+        design_bundle.window(copy, 0, 5, tmp_path / "w")
     from testbench.golden.bundles.export import export
 
     ((folder, _),) = export("isqrt", tmp_path)
     with pytest.raises(ConfigError, match="has every clock"):
-        top.window(folder, 0, 5, tmp_path / "w")
+        design_bundle.window(folder, 0, 5, tmp_path / "w")
 
 
 def test_command_line(out, tmp_path):
@@ -338,7 +343,7 @@ def test_bench_names_clock_register_and_both_values(out, played, design, tmp_pat
     bad = standin.write(tmp_path / "bad", design, CASE, played, (40, "r_dds_phase", 1 << 20))
     done = check(out / CASE, sim, bad, 1)
     assert done.returncode != 0
-    lo = next(lo for name, _, _, lo in benches.slices(benches.results(design)) if name == "r_dds_phase")
+    lo = next(lo for name, _, _, lo in benches.slices(benches.result_pairs(design)) if name == "r_dds_phase")
     want = played[40] >> lo & ((1 << 48) - 1)
     values = f"expected {want:x}, got {want ^ 1 << 20:x}"
     text = done.stdout.lower().replace(f"expected {want:012x}", f"expected {want:x}")
@@ -360,7 +365,7 @@ def test_signature_finds_the_frame_and_its_window_the_register(out, played, desi
     assert "frame 1 (clocks 3250 .. 6499): signature: expected" in done.stdout
     assert "FAIL top/reset: 1 of 3 frames differ, all" in done.stdout
     assert "gyro golden window --frame 1" in done.stdout
-    folder, _ = top.window(out / CASE, FRAME_CYCLES, FRAME_CYCLES, tmp_path / "window")
+    folder, _ = design_bundle.window(out / CASE, FRAME_CYCLES, FRAME_CYCLES, tmp_path / "window")
     done = check(folder, sim, bad, 0)
     assert f"clock {QUIET}: r_control_agc_loop_acc: expected" in done.stdout
     assert "FAIL top/reset: 1 of " in done.stdout
@@ -370,7 +375,7 @@ def test_signature_finds_the_frame_and_its_window_the_register(out, played, desi
 def test_a_stuck_chip_select_shows_as_a_wrong_input(out, played, design, tmp_path, sim):
     # the converter answers the pins: without a falling CS_N it sends nothing
     rows = list(played)
-    low = {name: lo for name, _, _, lo in benches.slices(benches.results(design))}["o_adc_cs_n"]
+    low = {name: lo for name, _, _, lo in benches.slices(benches.result_pairs(design))}["o_adc_cs_n"]
     rows = [word | 1 << low for word in rows]
     bad = standin.write(tmp_path / "bad", design, CASE, rows)
     done = check(out / CASE, sim, bad, 2)
@@ -391,9 +396,9 @@ def test_reference_rtl_passes(out, sim, frames):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [case for case in top.CASES if case != CASE])
+@pytest.mark.parametrize("case", [case for case in design_bundle.CASES if case != CASE])
 def test_reference_rtl_passes_every_other_case(tmp_path, case):
-    top.export_case(case, tmp_path / "top" / case)
+    design_bundle.export_case(case, tmp_path / "top" / case)
     done = check(tmp_path / "top" / case, "verilator", RTL, 0)
     assert done.returncode == 0, done.stdout
     assert f"PASS top/{case}" in done.stdout

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import ConfigError, FileError
 from testbench.golden import cli
-from testbench.golden.bundles import adapted_bundle, bundle, recompute, top
+from testbench.golden.bundles import adapted_bundle, bundle, design_bundle, recompute
 from testbench.golden.check import design_run, rtl_run, top_run
-from testbench.golden.recording import board_pins, recording, replay, signature
+from testbench.golden.recording import board_pins, recording, replay_recording, signature
 from tests import naive
 from tests.testbench.golden import pin_tops, standin
 from tests.testbench.golden.benching import RTL, make, need
@@ -26,8 +26,8 @@ CASE, FRAMES, QUIET = "reset", 3, 5000  # QUIET: a clock without a row
 def out(tmp_path_factory):
     """Bundle of the first frames, with hardly a row: what differs is seen by signatures."""
     place = tmp_path_factory.mktemp("levels")
-    top.export_case(CASE, place / "top" / CASE)
-    top.window(place / "top" / CASE, FRAMES * FRAME_CYCLES - 50, 50, place / "few")
+    design_bundle.export_case(CASE, place / "top" / CASE)
+    design_bundle.window(place / "top" / CASE, FRAMES * FRAME_CYCLES - 50, 50, place / "few")
     return place / "few"
 
 
@@ -35,8 +35,8 @@ def out(tmp_path_factory):
 def words(out):
     """Packed pins of every clock."""
     r = recording.load(CASE)
-    pins = replay.run(r.params, r.stimulus, FRAMES, np.arange(FRAMES * FRAME_CYCLES)).pins
-    return bundle.pack(pins, [p.width for p in top.make_block({CASE: r.params}).pins])
+    pins = replay_recording.run(r.params, r.stimulus, FRAMES, np.arange(FRAMES * FRAME_CYCLES)).pins
+    return bundle.pack(pins, [p.width for p in design_bundle.make_block({CASE: r.params}).pins])
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def pins(out):
 @pytest.fixture(scope="module")
 def bare():
     """The design with nothing but pins."""
-    return top.make_block({CASE: recording.load(CASE).params})._replace(registers=())
+    return design_bundle.make_block({CASE: recording.load(CASE).params})._replace(registers=())
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def pins_rtl(tmp_path_factory):
     text = (folder / "top.v").read_text()
     listed = re.findall(r"(?m)^ +output (wire +(?:signed )?(?: *\[.*\])? *r_\w+),.*\n", text)
     text = re.sub(r"(?m)^ +output wire .*\br_\w+,.*\n", "", text)
-    assert len(listed) == len(top.make_block({}).registers)
+    assert len(listed) == len(design_bundle.make_block({}).registers)
     assert "output wire" in text
     (folder / "top.v").write_text(text.replace("\n);\n", "\n);\n" + "".join(f"{net};\n" for net in listed), 1))
     return folder
@@ -210,7 +210,7 @@ def test_a_fault_in_the_rtl_shows_where_a_model_with_this_fault_does(out, pins_r
     assert r.params.references.align == 2
     other = r.params._replace(references=r.params.references._replace(align=1))
     at = np.arange(FRAMES * FRAME_CYCLES)
-    right, wrong = (replay.run(p, r.stimulus, FRAMES, at).pins for p in (r.params, other))
+    right, wrong = (replay_recording.run(p, r.stimulus, FRAMES, at).pins for p in (r.params, other))
     clock = int(np.flatnonzero((right != wrong).any(axis=1))[0])
     k = int(np.flatnonzero(right[clock] != wrong[clock])[0])
     tree = checked(out, "--rtl", bad, "--level", "pins", "--sim", "icarus", "--out", tmp_path / "found")[1]
@@ -329,7 +329,7 @@ def test_rows_of_pins_that_come_later_are_those_of_a_design_with_more_registers(
         want = np.where(behind, 0, mine[:, k])
         if port["name"].endswith("sdin"):
             chip = port["name"].removesuffix("sdin")
-            select_n, running = (board_pins.PLACE(f"{chip}{pin}") for pin in ("sync_n", "sclk_en"))
+            select_n, running = (board_pins.PIN_INDEX(f"{chip}{pin}") for pin in ("sync_n", "sclk_en"))
             want = np.where((mine[:, select_n] == 0) & (mine[:, running] == 1), want, 0)
         assert np.array_equal(found[:, k], want), port["name"]
     packed = [int(word) for word in bundle.pack(found, [p["width"] for p in ports["outputs"]])]
@@ -373,15 +373,15 @@ def test_make_check_of_pins_that_come_later(bare, tmp_path, sim):
         'schema = "gyro-latency/1.0"\n[ports]\n' + "".join(f"{name} = {k}\n" for name, k in LATE.items())
     )
     frames = 2
-    r = top.first_frames(recording.load(CASE), frames, (recording.Window(3000, 600, "resets"),))
+    r = design_bundle.first_frames(recording.load(CASE), frames, (recording.Window(3000, 600, "resets"),))
     resets = np.array([[clock, 1, 0, 0] for clock in (3100, 3101, 3500)])
     kept = r.stimulus.host[~np.isin(r.stimulus.host[:, 0], resets[:, 0])]
     host = np.concatenate([kept, resets])
     r = r._replace(stimulus=r.stimulus._replace(host=host[np.argsort(host[:, 0])]))
-    manifest = top.write(r, tmp_path / "whole")
+    manifest = design_bundle.write(r, tmp_path / "whole")
     adapted_bundle.write_pin_bundle(tmp_path / "whole", "pins", tmp_path / "pins", latency=tmp_path / "late.toml")
     recompute.recompute(tmp_path / "pins")
-    rows = replay.run(r.params, r.stimulus, frames, np.arange(frames * FRAME_CYCLES), registers=False).pins
+    rows = replay_recording.run(r.params, r.stimulus, frames, np.arange(frames * FRAME_CYCLES), registers=False).pins
     words = [int(word) for word in bundle.pack(rows, [p.width for p in bare.pins])]
     for reset_too in (True, False):
         good = standin.write(tmp_path / f"good{reset_too}", bare, CASE, later(words, manifest, host, LATE, reset_too))

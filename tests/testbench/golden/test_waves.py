@@ -71,7 +71,7 @@ def asked(**more):
 
 def test_a_row_is_what_was_there_before_the_edge(tmp_path):
     found = read_log(vcd(tmp_path), asked(), {"q": signed_bits(4)})["q"]
-    assert found.known.tolist() == [False, True, True, True]
+    assert found.valid.tolist() == [False, True, True, True]
     assert found.values.tolist()[1:] == [0, 1, -2]
 
 
@@ -131,7 +131,7 @@ def test_csv_in_decimal_and_hex(tmp_path):
     path.write_text("row, q, code\n0,1,-3\n1,0xe,0x7fffd\n2,x,5\n")
     found = read_log(path, Map({"q": "q", "c": "code"}, "", True, None, 0), {"q": signed_bits(4), "c": Fmt(1, 18, 0)})
     assert found["q"].values.tolist()[:2] == [1, -2]
-    assert found["q"].known.tolist() == [True, True, False]
+    assert found["q"].valid.tolist() == [True, True, False]
     assert found["c"].values.tolist() == [-3, -3, 5]
 
 

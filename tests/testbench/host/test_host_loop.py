@@ -12,7 +12,7 @@ import pytest
 from fpga_model import sequencer
 from testbench.config import Config
 from testbench.errors import ConfigError, FileError
-from testbench.host import export
+from testbench.host import export_host
 from tests.testbench.rtl import test_host
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -27,13 +27,13 @@ def test_a_folder_with_something_else_is_not_replaced(tmp_path):
     (tmp_path / "host").mkdir()
     (tmp_path / "host" / "mine.txt").write_text("mine")
     with pytest.raises(FileError, match=r"host: is not empty and has no gyro_loop\.h"):
-        export.export(tmp_path / "host", Config())
+        export_host.export(tmp_path / "host", Config())
     assert (tmp_path / "host" / "mine.txt").read_text() == "mine"
 
 
 def test_another_bus_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"^gyro host: --bus i2c: one of spi, axi is needed$"):
-        export.export(tmp_path / "host", Config(), "i2c")
+        export_host.export(tmp_path / "host", Config(), "i2c")
     assert not (tmp_path / "host").exists()
 
 
@@ -44,10 +44,10 @@ def test_two_thousand_samples_are_the_models_and_a_rate_is_measured(tmp_path):
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} is not installed: the locked loop was NOT read")
     pytest.importorskip("systemrdl", reason="systemrdl-compiler is not installed: the C driver was NOT tried")
-    from testbench.register_map import export as register_map
+    from testbench.register_map import export_registers as register_map
 
-    sim, rate_rad_s = export.locked_simulation(Config())
-    export.write_loop(tmp_path, sim, rate_rad_s)
+    sim, rate_rad_s = export_host.locked_simulation(Config())
+    export_host.write_loop(tmp_path, sim, rate_rad_s)
     register_map.export(tmp_path / "map")
     shutil.copy(HERE / "locked_host.cpp", tmp_path / "loop.cpp")
     shutil.copy(Path(test_host.__file__).with_name("host_bench.h"), tmp_path)

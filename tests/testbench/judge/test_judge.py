@@ -11,7 +11,7 @@ from testbench.config import Config
 from testbench.errors import FileError
 from testbench.judge import judge, numbers, roles
 from testbench.judge.judge import Model
-from testbench.judge.verdict import (
+from testbench.judge.number_verdict import (
     CONTRADICTED,
     FITTED,
     INPUT,

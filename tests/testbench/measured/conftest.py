@@ -4,7 +4,7 @@ import copy
 
 import pytest
 
-from testbench.measured.record import plan, produce
+from testbench.measured.record import produce, recording_plan
 
 TREE = {
     "name": "small",
@@ -36,7 +36,7 @@ def tree():
 @pytest.fixture(scope="session")
 def small(tree):
     """A record of two conditions in two repeats; not to be changed."""
-    return produce.record(plan.from_dict(tree))
+    return produce.record(recording_plan.from_dict(tree))
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
-from testbench.measured.record.plan import Condition
+from testbench.measured.record.recording_plan import Condition
 from testbench.measured.residual.parameters import Parameter
 from testbench.tracing.problem.result import plain_value
 from testbench.tracing.problem.space import Space
@@ -125,7 +125,7 @@ class Bank:
         values = {}
         for c in self.conditions:
             fine = len(loop_runs.NAMES) * (len(loop_runs.fine_bins(c)) - 1)
-            values[c.id] = np.zeros((self.repeats[c.role], loop_runs.size(c) + fine))
+            values[c.id] = np.zeros((self.repeats[c.role], loop_runs.feature_count(c) + fine))
         return self.problem("blank", values)
 
 
@@ -236,7 +236,9 @@ def recorded(bank, problem, kind, seed, theta, effects, texts):
     def powered(c, number):
         """A power-on, with a frequency and a phase of its own."""
         own = problem.shift_drive_mode(board, loop_noise.JITTER_HZ * rng.normal())
-        return Run(own, c, TRUE_SEED + 10_000 * seed + number, late=int(rng.integers(loop_runs.LATE)))
+        return Run(
+            own, c, TRUE_SEED + 10_000 * seed + number, delay_frames=int(rng.integers(loop_runs.MOST_DELAY_FRAMES))
+        )
 
     runs = [powered(c, 100 * i + r) for i, c in enumerate(bank.conditions) for r in range(bank.repeats[c.role])]
     rows = iter(bank.bench.run(runs, EXACT, take=loop_runs.with_densities))

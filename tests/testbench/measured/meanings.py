@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from fpga_model.rates import FRAME_CYCLES, TICK_CYCLES
-from testbench.measured.record import plan, produce, schema
+from testbench.measured.record import produce, recording_plan, schema
 from testbench.storage.record import TableColumn
 
 OPTIONAL = [name for name, s in schema.STREAMS.items() if not s.required]
@@ -72,7 +72,7 @@ def pool(seed):
     made = []
     for k, board in enumerate(boards(rng)):
         tree = {"name": f"board {k}", "repeats": 2, "seed": 1000 * seed + k, "fx_scatter_hz": 1e-3, "prior": PRIOR}
-        made.append(produce.record(plan.from_dict(tree | board)))
+        made.append(produce.record(recording_plan.from_dict(tree | board)))
     return made
 
 

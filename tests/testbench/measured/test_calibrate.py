@@ -8,8 +8,8 @@ import pytest
 
 from testbench.config import Config
 from testbench.errors import ConfigError
-from testbench.measured.record import plan, produce
-from testbench.measured.residual import calibrate, parameters
+from testbench.measured.record import produce, recording_plan
+from testbench.measured.residual import calibrate_residual, parameters
 from testbench.storage.record import TableColumn
 
 PLANT = Config().plant
@@ -47,7 +47,7 @@ def recorded(small, truth, rows):
     record, rng = copy.deepcopy(small), np.random.default_rng(4)
     record.tables["priors"] = priors(rows)
     config = SimpleNamespace(plant=PLANT.model_copy(update=truth))
-    for session in calibrate.residuals.sessions(record):
+    for session in calibrate_residual.residuals.sessions(record):
         drive = SimpleNamespace(driven=np.zeros(session.frames))
         codes = Toy().driven_codes(config, drive)
         for k, name in enumerate(("adc_xI", "adc_xQ", "adc_yI", "adc_yQ")):
@@ -72,7 +72,7 @@ def found(small):
         SENSE[6:]: getattr(PLANT, SENSE[6:]) * 1.01,
     }
     record = recorded(small, truth, BOTH)
-    return truth, calibrate.calibrate(record, starts=3, engine=Toy())
+    return truth, calibrate_residual.calibrate(record, starts=3, engine=Toy())
 
 
 def test_planted_values_are_found_within_their_uncertainty(found):
@@ -87,13 +87,13 @@ def test_planted_values_are_found_within_their_uncertainty(found):
 
 def test_the_starts_agree(found):
     assert len(found[1].costs) == 3
-    assert max(found[1].costs) - min(found[1].costs) < calibrate.AGREED
+    assert max(found[1].costs) - min(found[1].costs) < calibrate_residual.AGREED
 
 
 def test_a_product_is_seen_and_its_factors_are_not(found):
     truth, result = found
     gauge = result.directions[0]
-    assert gauge.eigenvalue < calibrate.UNSEEN < result.directions[1].eigenvalue
+    assert gauge.eigenvalue < calibrate_residual.UNSEEN < result.directions[1].eigenvalue
     assert {part for part in gauge.words.split() if part.startswith("plant.")} == {SENSE, GAIN}
     product = result.values[SENSE] * result.values[GAIN]
     assert product == pytest.approx(truth[SENSE[6:]] * getattr(PLANT, GAIN[6:]), rel=1e-4)
@@ -112,16 +112,16 @@ def test_the_calibrated_model_leaves_the_noise_on_what_it_has_not_fitted(found):
 
 
 def test_a_fit_that_may_not_step_is_not_called_converged(small, monkeypatch):
-    monkeypatch.setattr(calibrate, "MOST_ITERATIONS", 1)
+    monkeypatch.setattr(calibrate_residual, "MOST_ITERATIONS", 1)
     record = recorded(small, {"qx": PLANT.qx * 1.02}, THREE)
-    assert not calibrate.calibrate(record, starts=1, engine=Toy()).converged
+    assert not calibrate_residual.calibrate(record, starts=1, engine=Toy()).converged
 
 
 def test_a_value_at_its_limit_is_named(small, monkeypatch):
     field = parameters.LIMITS["plant.qx"]
     monkeypatch.setitem(parameters.LIMITS, "plant.qx", field._replace(hi=PLANT.qx * 1.0001))
     record = recorded(small, {"qx": PLANT.qx * 1.02}, THREE)
-    result = calibrate.calibrate(record, starts=1, engine=Toy())
+    result = calibrate_residual.calibrate(record, starts=1, engine=Toy())
     assert not result.converged
 
 
@@ -159,11 +159,11 @@ def test_the_frame_engine_is_calibrated_to_a_hidden_plant():
     keys = {"fx_hz": 1.0, "qx": 0.01 * PLANT.qx, "kxy_n_per_m": 0.05 * PLANT.kxy_n_per_m}
     rows = [{"param": f"plant.{key}", "mean": getattr(PLANT, key), "sd": sd} for key, sd in keys.items()]
     tree = {"repeats": 3, "seed": 70, "condition": conditions, "prior": rows}
-    record = produce.record(plan.from_dict({**tree, "truth": {f"plant.{k}": v for k, v in truth.items()}}))
+    record = produce.record(recording_plan.from_dict({**tree, "truth": {f"plant.{k}": v for k, v in truth.items()}}))
     assert "truth_sha256" in record.attrs
     assert str(truth["qx"]) not in record.config_toml
-    result = calibrate.calibrate(record, starts=1)
-    assert result.decrement < calibrate.CONVERGED
+    result = calibrate_residual.calibrate(record, starts=1)
+    assert result.decrement < calibrate_residual.CONVERGED
     for key in ("qx", "kxy_n_per_m"):
         assert abs(result.values[f"plant.{key}"] - truth[key]) < 4 * result.sd[f"plant.{key}"]
     # the formal sd of f_x, some 1e-8 Hz, is too small: converter steps and open-loop noise are not in it

@@ -11,7 +11,7 @@ import pytest
 
 from fpga_model.rates import FRAME_CYCLES
 from testbench.config import Config
-from testbench.measured.record import checks, firmware_residual, load, plan, produce, replay, schema
+from testbench.measured.record import checks, firmware_residual, load_record, produce, recording_plan, replay, schema
 from testbench.measured.record.sessions import sessions, stimulus
 from testbench.run import build
 from testbench.storage.record import Column, TableColumn, write_record
@@ -43,7 +43,7 @@ def test_a_hundred_records_without_blame(tree):
             "effects.duffing_k3_per_um2": float(rng.uniform(-1e-6, 1e-6)),
         }
         record = produce.record(
-            plan.from_dict({**tree, "repeats": 1, "seed": k, "set": values, "condition": conditions})
+            recording_plan.from_dict({**tree, "repeats": 1, "seed": k, "set": values, "condition": conditions})
         )
         residual = firmware_residual.residual(record)
         assert residual.decidable
@@ -259,7 +259,7 @@ def test_a_board_with_another_firmware_in_the_closed_loop(tree, monkeypatch):
         return _higher(sound(config), "rate_loop", "kp")
 
     condition = [{"id": "a", "rate_dps": 50.0, "seconds": 0.02, "settle_s": 0.0}]
-    wanted = plan.from_dict({**tree, "repeats": 1, "condition": condition})
+    wanted = recording_plan.from_dict({**tree, "repeats": 1, "condition": condition})
     monkeypatch.setattr("testbench.run.build.firmware", unsound)
     record = produce.record(wanted)
     monkeypatch.undo()
@@ -276,12 +276,12 @@ def test_physics_is_blocked_until_overridden_in_writing(middle, tmp_path, own):
     codes[6000] += 100
     own.streams["adc_xQ"] = own.streams["adc_xQ"]._replace(data=codes)
     write_record(tmp_path / "a.h5", own)
-    loaded = load.load(tmp_path / "a.h5")
+    loaded = load_record.load(tmp_path / "a.h5")
     assert loaded.blocked
     (finding,) = loaded.findings
     assert str(finding).startswith("R16 /streams/magnitude expected 0 LSB, found control.cordic.magnitude at tick 750")
-    own.attrs[load.OVERRIDE] = "probe touched the pin; J. Doe"
+    own.attrs[load_record.OVERRIDE] = "probe touched the pin; J. Doe"
     write_record(tmp_path / "a.h5", own)
-    loaded = load.load(tmp_path / "a.h5")
+    loaded = load_record.load(tmp_path / "a.h5")
     assert not loaded.blocked
     assert "overridden: probe touched the pin; J. Doe" in str(loaded.findings[0])

@@ -5,14 +5,14 @@ from numba import config as numba_config
 
 from testbench import config
 from testbench.errors import ConfigError
-from testbench.measured.record import from_run, load
+from testbench.measured.record import from_run, load_record
 
 
 @pytest.mark.skipif(numba_config.DISABLE_JIT, reason="minutes without the compiler")
 def test_the_record_of_a_run_replays(tmp_path):
     made = config.changed(config.Config(), {"scenario.seconds": 0.05, "scenario.rate_dps": 10.0, "noise.seed": 4})
     from_run.write(made, tmp_path / "run.h5")
-    loaded = load.load(tmp_path / "run.h5")
+    loaded = load_record.load(tmp_path / "run.h5")
     assert loaded.residual.decidable
     assert loaded.residual.first is None
     assert not loaded.blocked

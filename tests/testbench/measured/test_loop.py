@@ -209,7 +209,7 @@ def test_a_first_step_far_beyond_what_the_plant_bears_is_shortened_until_it_runs
     monkeypatch.setattr(problem.tangents, "_first_step", lambda name: 1e7 * first)
     column = problem.column(name)
     assert all(np.isfinite(v).all() for v in column.values())
-    assert problem.tangents._change_sigmas(column) * problem.tangents.steps[name] > loop_tangents.SEEN
+    assert problem.tangents._change_sigmas(column) * problem.tangents.steps[name] > loop_tangents.VISIBLE_SIGMAS
 
 
 @pytest.mark.slow
@@ -296,7 +296,9 @@ def test_whitened_noise_is_white(bank, blank):
     """Power-ons of the exact engine, with frequencies and phases of their own, have one sigma per feature."""
     c, rng = bank.conditions[1], np.random.default_rng(9)
     models = [blank.shift_drive_mode(Model(bank.model), loop_noise.JITTER_HZ * rng.normal()) for _ in range(16)]
-    runs = [Run(m, c, 900 + k, late=int(rng.integers(loop_runs.LATE))) for k, m in enumerate(models)]
+    runs = [
+        Run(m, c, 900 + k, delay_frames=int(rng.integers(loop_runs.MOST_DELAY_FRAMES))) for k, m in enumerate(models)
+    ]
     rows = np.array(bank.bench.run(runs, EXACT))
     gain = Space(blank, "fit").gain * np.sqrt(16 / 15)
     z = gain * np.array([blank.whiten(blank._rows[c.id], row - rows.mean(axis=0)) for row in rows])
@@ -347,7 +349,7 @@ def test_fresh_draws_scatter_along_the_laws_as_draws_left_out_do(whole_blank, mo
     fresh.kept = loop_problem.LoopCache()
     monkeypatch.setattr(loop_anchor, "FIRST_DRAW", 2 * loop_anchor.FIRST_DRAW)
     rows = fresh._draws(loop_noise.NOISE_DRAWS, power_on=True)
-    fitted = {c.id: loop_runs.size(c) for c in whole_blank.recorded.conditions if c.role == "fit"}
+    fitted = {c.id: loop_runs.feature_count(c) for c in whole_blank.recorded.conditions if c.role == "fit"}
     one = {
         g: loop_noise.deviations(rows[g][:, :size]).T / np.sqrt(len(whole_blank.recorded.values[g]))
         for g, size in fitted.items()

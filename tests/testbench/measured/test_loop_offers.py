@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.measured.closed_loop import loop_offers
-from testbench.measured.record import plan
+from testbench.measured.record import recording_plan
 from tests.testbench.measured import loop_trials
 
 
@@ -18,7 +18,7 @@ def test_corners_stay_within_what_a_plan_takes_and_the_rate_loop_has_shown():
     for c in found:
         assert c.a_um * abs(c.rate_dps) <= 1.01 * force
         assert c.from_dps == -c.rate_dps
-        for name, (low, high, _) in plan.LIMITS.items():
+        for name, (low, high, _) in recording_plan.LIMITS.items():
             assert low <= getattr(c, name) <= high
     # each two factors in balance: the effect of one is not that of another
     signs = np.sign([[c.a_um - 5, c.temperature_degc, c.detune_deg, c.rate_dps] for c in found])

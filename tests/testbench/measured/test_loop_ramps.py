@@ -8,8 +8,8 @@ from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_record, loop_runs
 from testbench.measured.closed_loop.loop_runs import EXACT, FAST, Model, Run
-from testbench.measured.record import checks, plan, produce, schema
-from testbench.measured.record.plan import Condition
+from testbench.measured.record import checks, produce, recording_plan, schema
+from testbench.measured.record.recording_plan import Condition
 
 pytestmark = pytest.mark.skipif(numba_config.DISABLE_JIT, reason="hours without the compiler")
 
@@ -22,13 +22,13 @@ RAMPED = CONDITION._replace(rate_ramp_dps_s=RAMP_DPS_S, temperature_ramp_k_s=RAM
 def record():
     rows = {key: getattr(RAMPED, key) for key in ("id", "settle_s", "seconds", "rate_dps", "temperature_degc")}
     ramps = {key: getattr(RAMPED, key) for key in ("rate_ramp_dps_s", "temperature_ramp_k_s")}
-    return produce.record(plan.from_dict({"name": "ramps", "repeats": 1, "condition": [rows | ramps]}))
+    return produce.record(recording_plan.from_dict({"name": "ramps", "repeats": 1, "condition": [rows | ramps]}))
 
 
 def _slopes(values):
     """Change per second of the fine bins of force and frequency word, behind the first 600 ms."""
     count = len(loop_runs.fine_bins(RAMPED)) - 1
-    fine = values[loop_runs.size(RAMPED) :].reshape(-1, count)[:, 75:]
+    fine = values[loop_runs.feature_count(RAMPED) :].reshape(-1, count)[:, 75:]
     t_s = np.arange(fine.shape[1]) * loop_runs.FINE / 8000
     return {name: np.polyfit(t_s, fine[loop_runs.NAMES.index(name)], 1)[0] for name in ("f_word", "force")}
 

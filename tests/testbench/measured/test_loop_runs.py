@@ -7,7 +7,7 @@ from testbench import config
 from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
-from testbench.measured.record.plan import Condition
+from testbench.measured.record.recording_plan import Condition
 
 CONDITION = Condition("one", 5.0, 0.0, None, 25.0, 0.0, settle_s=1.5, seconds=0.1, role="fit")
 LAW = "cv_y = 1e-5 {} cx"
@@ -24,7 +24,7 @@ def change(bench, condition, law):
     uniform = use_uniform_references(own)
     base, moved = (Run(Model(uniform, laws), condition, 3, own, 0, True) for laws in ((), (LAW.format(law),)))
     rows = bench.run([base, moved], FAST)
-    count = loop_runs.size(condition) // len(loop_runs.NAMES)
+    count = loop_runs.feature_count(condition) // len(loop_runs.NAMES)
     first = count * loop_runs.NAMES.index("v_q2")
     return float(np.mean((rows[1] - rows[0])[first : first + count]))
 

@@ -5,7 +5,7 @@ import pytest
 
 from testbench.measured.closed_loop import loop_spectra
 from testbench.tracing.noise import findings
-from testbench.tracing.noise.noise import Noise, Octave
+from testbench.tracing.noise.noise_model import Noise, Octave
 
 FRAMES, DWELLS, CONDITIONS = 4096, 2, 3
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from testbench.errors import ConfigError
 from testbench.measured.cli import app
 from testbench.measured.closed_loop import loop_record
-from testbench.measured.record import checks, load, schema
+from testbench.measured.record import checks, load_record, schema
 from testbench.measured.residual import residuals
 from testbench.storage.record import RecordError, write_record
 from tests.testbench.measured import meanings
@@ -25,7 +25,7 @@ def findings(path, record):
     """Lines about a record that went through a file, with the firmware's replay."""
     write_record(path, record)
     try:
-        return [str(f) for f in load.load(path).findings]
+        return [str(f) for f in load_record.load(path).findings]
     except RecordError as refused:
         return list(refused.findings)
 
@@ -117,7 +117,7 @@ def test_what_is_implausible_is_a_warning_that_every_reader_sees(own, tmp_path):
     (finding,) = checks.check(own)
     assert (finding.rule, finding.level) == ("R29", schema.WARNED)
     write_record(tmp_path / "a.h5", own)
-    assert load.load(tmp_path / "a.h5", replay=False).warnings == (str(finding),)
+    assert load_record.load(tmp_path / "a.h5", replay=False).warnings == (str(finding),)
     said = CliRunner().invoke(app, ["check", str(tmp_path / "a.h5"), "--no-replay"])
     assert said.exit_code == 0
     assert f"{finding} (warned)\n" in said.stdout

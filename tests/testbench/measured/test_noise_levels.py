@@ -7,7 +7,7 @@ import pytest
 
 from testbench import config as configuration
 from testbench.measured.closed_loop import loop_problem, loop_runs
-from testbench.measured.record.plan import Condition
+from testbench.measured.record.recording_plan import Condition
 from testbench.measured.wide import noise_levels
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
@@ -67,7 +67,7 @@ def _loop(rows, conditions, model):
 
 def test_a_record_without_repeats_and_a_model_without_the_noise_stay_as_they_are():
     model, condition = configuration.Config(), Condition("one", 5.0, 0.0, 0.0, 25.0, 0.0, 1.5, 0.6, "fit")
-    rows = np.ones((2, loop_runs.size(condition)))
+    rows = np.ones((2, loop_runs.feature_count(condition)))
     assert noise_levels.estimate_flicker(_loop([rows[:1]], (condition,), model), model) == (model, ())
     for key, value in ((noise_levels.KEY, 0.0), ("noise.flicker", False)):
         quiet = configuration.changed(model, {key: value})
@@ -85,7 +85,7 @@ def test_repeats_of_the_product_s_own_plant_tell_its_level_and_an_effect_in_all_
             [(7.0, 0.0, 25.0), (5.0, 100.0, 25.0), (7.0, 0.0, -20.0), (6.0, -80.0, 60.0)]
         )
     )
-    empty = _loop([np.ones((1, loop_runs.size(c))) for c in conditions], conditions, model)
+    empty = _loop([np.ones((1, loop_runs.feature_count(c))) for c in conditions], conditions, model)
     noisy = configuration.changed(model, {noise_levels.KEY: true * model.plant.sid_flicker_v_per_rthz})
     # other draws than those that the level is made of
     rows = [v[noise_levels.DRAWS :] for v in empty.power_ons(noisy, noise_levels.DRAWS + 6)]

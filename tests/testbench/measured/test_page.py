@@ -9,7 +9,7 @@ import pytest
 from testbench.commands.main import main
 from testbench.config import Config
 from testbench.measured import cli
-from testbench.measured.record import plan, schema, timing
+from testbench.measured.record import recording_plan, schema, timing
 from testbench.measured.residual import residuals, simulator
 from testbench.storage.record import write_record
 
@@ -43,7 +43,7 @@ def test_the_plan_on_the_page_is_one(tmp_path):
     text = (ROOT / "docs" / "measured.md").read_text().split("## Plan")[1]
     lines = [line[4:] for line in text.splitlines() if line.startswith("    ") or not line]
     (tmp_path / "plan.toml").write_text("\n".join(lines))
-    wanted = plan.read(tmp_path / "plan.toml")
+    wanted = recording_plan.read(tmp_path / "plan.toml")
     assert [c.id for c in wanted.conditions] == ["nominal", "step"]
     assert wanted.hidden == {"plant.qx": 199000.0}
     assert wanted.model.plant.fx_hz == 11002.5
@@ -67,7 +67,7 @@ def test_a_mistake_in_a_plan_is_one_line(tree, change, line):
     from testbench.errors import ConfigError
 
     with pytest.raises(ConfigError, match=line.replace("|", r"\|")) as caught:
-        plan.from_dict({**tree, **change})
+        recording_plan.from_dict({**tree, **change})
     assert "\n" not in str(caught.value)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from fpga_model.rates import FRAME_CYCLES
 from testbench.errors import FileError
-from testbench.measured.record import checks, firmware_residual, load, schema, tables
+from testbench.measured.record import checks, firmware_residual, load_record, record_tables, schema
 from testbench.storage import record as records
 from testbench.storage.record import Column, RecordError, TableColumn, write_record
 
@@ -34,7 +34,7 @@ def same(a, b):
 
 def test_what_goes_in_comes_out(small, tmp_path):
     digest = write_record(tmp_path / "a.h5", small)
-    loaded = load.load(tmp_path / "a.h5", replay=False)
+    loaded = load_record.load(tmp_path / "a.h5", replay=False)
     same(small, loaded.record)
     assert loaded.findings == []
     assert loaded.record.content_sha256 == digest
@@ -204,7 +204,7 @@ def test_another_register_map_is_a_downgrade_and_r0_is_skipped_by_name(own, tmp_
         np.array([f"their_{k}" for k in range(len(own.tables["registers"]["name"].data))]), ""
     )
     write_record(tmp_path / "a.h5", own)
-    loaded = load.load(tmp_path / "a.h5")
+    loaded = load_record.load(tmp_path / "a.h5")
     (finding,) = loaded.findings
     assert (finding.rule, finding.level) == ("R11", schema.DOWNGRADED)
     assert "R0 and R2 are skipped" in finding.text
@@ -215,7 +215,7 @@ def test_another_register_map_is_a_downgrade_and_r0_is_skipped_by_name(own, tmp_
 def test_a_record_of_the_first_version_of_the_map_is_replayed(own, tmp_path):
     own.attrs["regmap_sha256"] = OF_VERSION_1
     write_record(tmp_path / "a.h5", own)
-    loaded = load.load(tmp_path / "a.h5")
+    loaded = load_record.load(tmp_path / "a.h5")
     assert not loaded.findings
     assert "R0 is 0 LSB" in loaded.residual.verdict
 
@@ -279,7 +279,7 @@ def cut(record, rows=120):
 def loaded_or_refused(path, want):
     """1 if refused with clean lines; 0 if it loads and is what was written."""
     try:
-        have, lines = load.load(path, replay=False).record, ()
+        have, lines = load_record.load(path, replay=False).record, ()
     except RecordError as problem:
         have, lines = None, problem.findings
     except FileError as problem:
@@ -318,7 +318,7 @@ def test_damaged_files_give_refusals(own, tmp_path, count):
 
 
 def test_nothing_here_can_execute_what_it_reads():
-    for module in (tables, load, checks):
+    for module in (record_tables, load_record, checks):
         source = Path(module.__file__).read_text()
         assert not any(word in source for word in ("import pickle", "allow_pickle", "eval(", "exec("))
 
@@ -326,7 +326,7 @@ def test_nothing_here_can_execute_what_it_reads():
 def test_tables_hold_every_number_of_the_record(own, tmp_path):
     values = np.resize(np.array([0.1, 1 / 3, 5e-324, -0.0]), len(own.tables["stimulus/rate"]["rate"].data))
     own.tables["stimulus/rate"]["rate"] = TableColumn(values, "deg/s")
-    tables.write(tmp_path / "a", own)
+    record_tables.write(tmp_path / "a", own)
     columns = {}
     for path in (tmp_path / "a").glob("streams_*.parquet"):
         columns |= pyarrow.parquet.read_table(path).to_pydict()
@@ -342,7 +342,7 @@ def test_tables_hold_every_number_of_the_record(own, tmp_path):
 def test_a_folder_with_files_is_not_replaced(small, tmp_path):
     (tmp_path / "thesis.txt").write_text("years")
     with pytest.raises(FileError, match="is not empty"):
-        tables.write(tmp_path, small)
+        record_tables.write(tmp_path, small)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from testbench.config import changed
 from testbench.errors import ConfigError
-from testbench.measured.record import plan, produce
+from testbench.measured.record import produce, recording_plan
 from testbench.measured.record.sessions import sessions
 from testbench.measured.residual import residuals, simulator
 from testbench.measured.residual.features import FIRST_BIN, OBSERVABLES, bins, features
@@ -25,7 +25,7 @@ def recorded(record, session):
 
 @pytest.fixture(scope="module")
 def model(tree):
-    return plan.from_dict(tree).model
+    return recording_plan.from_dict(tree).model
 
 
 @pytest.mark.slow
@@ -141,7 +141,7 @@ CONDITIONS = [
 
 @pytest.fixture(scope="module")
 def bench():
-    return produce.record(plan.from_dict({"repeats": 4, "seed": 50, "condition": CONDITIONS}))
+    return produce.record(recording_plan.from_dict({"repeats": 4, "seed": 50, "condition": CONDITIONS}))
 
 
 def chi2(study):

@@ -13,10 +13,10 @@ from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
 from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_noise import JITTER
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, corrected, lines, tied, weak
-from testbench.measured.record.plan import Condition
+from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, corrected, identifiability_lines, tied, weak
+from testbench.measured.record.recording_plan import Condition
 from testbench.measured.residual.parameters import Parameter
-from testbench.measured.wide import estimate, sheet
+from testbench.measured.wide import data_sheet, estimate
 from testbench.measured.wide.averaged_loop import AveragedLoop
 from tests.sealed import strata
 from tests.testbench.measured import wide_trials
@@ -24,14 +24,14 @@ from tests.testbench.measured import wide_trials
 
 def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board():
     model = configuration.Config()
-    found = {p.key: p for p in sheet.parameters(model, sheet.read(sheet.OWN))}
+    found = {p.key: p for p in data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET))}
     assert found["plant.fx_hz"].scale == pytest.approx(1e-3 * model.plant.fx_hz)
     assert found["plant.qx"].scale == pytest.approx(math.log(2))
     assert found["plant.tcf_per_k"].scale == pytest.approx(0.1 * abs(model.plant.tcf_per_k))
-    assert sheet.wide(found.values())
+    assert data_sheet.wide(found.values())
     mine = Parameter("plant.qx", "1", 2e5, 2e-5, True, 100.0, 1e8)
-    assert not sheet.wide([mine])
-    assert sheet.parameters(model, {"plant.qx": ("factor", 2.0)}, [mine]) == (mine,)
+    assert not data_sheet.wide([mine])
+    assert data_sheet.parameters(model, {"plant.qx": ("factor", 2.0)}, [mine]) == (mine,)
 
 
 @pytest.mark.parametrize(
@@ -49,13 +49,13 @@ def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
     path = tmp_path / "sheet.toml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=said) as error:
-        sheet.read(path)
+        data_sheet.read(path)
     assert "\n" not in str(error.value)
 
 
 def test_a_tolerance_of_nothing_is_refused():
     with pytest.raises(ConfigError, match="sid_leakage_a = 0"):
-        sheet.parameters(configuration.Config(), {"plant.sid_leakage_a": ("relative", 0.1)})
+        data_sheet.parameters(configuration.Config(), {"plant.sid_leakage_a": ("relative", 0.1)})
 
 
 def test_the_tangent_prior_pulls_as_the_logarithmic_one_does():
@@ -114,14 +114,14 @@ def _features(model, values):
 def test_a_symmetry_leaves_all_features_and_a_part_of_it_does_not(symmetry):
     """A change of 2 % (scale) or 2 ns (delay), against the same change of the held parameter alone."""
     model = configuration.Config()
-    value = {key: getattr(model.plant, key.partition(".")[2]) for key in (symmetry.held, *symmetry.partners)}
+    value = {key: getattr(model.plant, key.partition(".")[2]) for key in (symmetry.dependent_key, *symmetry.partners)}
     if symmetry.delay:
         moved = {key: v + 2e-9 for key, v in value.items()}
     else:
-        moved = {symmetry.held: 1.02 * value[symmetry.held]}
+        moved = {symmetry.dependent_key: 1.02 * value[symmetry.dependent_key]}
         moved |= {key: value[key] * 1.02**power for key, power in symmetry.partners.items()}
     base, whole = _features(model, {}), _features(model, moved)
-    alone = _features(model, {symmetry.held: moved[symmetry.held]})
+    alone = _features(model, {symmetry.dependent_key: moved[symmetry.dependent_key]})
     changes = np.abs(np.array([whole - base, alone - base])).reshape(2, len(loop_runs.NAMES), -1).max(axis=2)
     for name in ("v_q2", "adc_yQ"):
         both, one = changes[:, loop_runs.NAMES.index(name)]
@@ -132,7 +132,7 @@ def test_the_columns_of_q_and_drive_force_hold_where_their_product_is_kept():
     """Against a finite difference of 3 % along that change, 50 times smaller than either factor's own."""
     model, condition = configuration.Config(), CONDITION._replace(rate_dps=-240.0, from_dps=0.0)
     keys = ("plant.qx", "plant.k_vf_drive_n_per_v")
-    wanted = tuple(p for p in sheet.parameters(model, sheet.read(sheet.OWN)) if p.key in keys)
+    wanted = tuple(p for p in data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET)) if p.key in keys)
     order = [keys.index(p.key) for p in wanted]
 
     def features(share):
@@ -154,7 +154,7 @@ def test_the_columns_of_q_and_drive_force_hold_where_their_product_is_kept():
 def test_an_observable_at_the_end_of_its_range_has_the_deviation_of_the_others():
     """V_q at the end of its span under one of two conditions, then under both."""
     model, conditions = configuration.Config(), [CONDITION, CONDITION._replace(id="two")]
-    rows = np.ones((1, loop_runs.size(CONDITION)))
+    rows = np.ones((1, loop_runs.feature_count(CONDITION)))
     measured = loop_problem.Measured("x", tuple(conditions), {c.id: rows for c in conditions}, {})
     loop = AveragedLoop(measured, model, (), loop_runs.Bench(1))
     sd, v_q2 = np.ones(2 * rows.size), loop.observable == "v_q2"
@@ -381,7 +381,7 @@ def test_an_effect_of_promised_size_is_large_enough_to_be_named_beside_a_sheet()
 
 
 def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals():
-    parameters = sheet.parameters(configuration.Config(), sheet.read(sheet.OWN))
+    parameters = data_sheet.parameters(configuration.Config(), data_sheet.read(data_sheet.BUNDLED_SHEET))
     text = "\n".join(estimate.Estimate(parameters, None, (), ("plant.qy",), 1.0, False).lines())
     for said in ("NOT converged", "plant.qy is at the edge"):
         assert said in text
@@ -389,13 +389,13 @@ def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals
     theta = np.array([1e-7, 2e-7, 3e-7, 4e-7])
     # 10 % in common, and 1e-4 of each of their own
     common = np.outer(*2 * [theta * np.array([0.1, 0.1, -0.1, -0.1])])
-    told = lines(keys, theta, common + np.diag((1e-4 * theta) ** 2))
+    told = identifiability_lines(keys, theta, common + np.diag((1e-4 * theta) ** 2))
     assert len(told) == 2
     assert "dcdy_f_per_m / dcdx_f_per_m = 2 +- 0.00028" in told[0]
     assert "k_vf_sense_n_per_v * dcdx_f_per_m = 4e-14 +- 5.7e-18" in told[0]
     assert "mass" in told[1]
     assert not tied(keys[:3])
-    assert lines(keys[:3], theta[:3], np.eye(3)) == ()
+    assert identifiability_lines(keys[:3], theta[:3], np.eye(3)) == ()
 
 
 def test_trials_count_the_products_and_not_the_keys_that_a_prior_holds():

@@ -6,7 +6,7 @@ import pytest
 from testbench import config as configuration
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs, loop_trace
 from testbench.measured.closed_loop.loop_symmetries import DELAY, MOTION
-from testbench.measured.wide import estimate, sheet
+from testbench.measured.wide import data_sheet, estimate
 from testbench.tracing.trace import Options
 from tests.testbench.measured.loop_trials import QUICK
 from tests.testbench.measured.wide_trials import recorded
@@ -31,7 +31,7 @@ KINDS = {
 def found():
     """(result, {key: truth}, keys, values, covariance, {key: middle of the sheet}) of one record of such a board."""
     base, bench = configuration.Config(), loop_runs.Bench(1)
-    wanted = sheet.parameters(base, sheet.read(sheet.OWN))
+    wanted = data_sheet.parameters(base, data_sheet.read(data_sheet.BUNDLED_SHEET))
     middle = {p.key: p.mean for p in wanted}
     truth = middle | {key: middle[key] * (1 + share) for key, share in OFF.items()}
     values = recorded(bench, configuration.changed(base, truth), SEED, QUICK)

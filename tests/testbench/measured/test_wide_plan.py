@@ -7,7 +7,7 @@ from testbench import config as configuration
 from testbench.measured.closed_loop import loop_problem, loop_runs
 from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_runs import FAST, Run
-from testbench.measured.wide import sheet
+from testbench.measured.wide import data_sheet
 from testbench.measured.wide.averaged_loop import AveragedLoop
 from tests.testbench.measured.loop_trials import QUICK
 from tests.testbench.measured.wide_trials import CONDITIONS, recorded
@@ -27,7 +27,7 @@ def _left(columns, law):
 def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pickoff():
     """Sigmas that the wide nuisances leave of it, beside the conditions without it."""
     model, bench = configuration.Config(), loop_runs.Bench(1)
-    wanted = sheet.parameters(model, sheet.read(sheet.OWN))
+    wanted = data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET))
     data = loop_problem.Measured("plan", CONDITIONS, recorded(bench, model, SEED), {})
     loop = AveragedLoop(data, model, wanted, bench)
     sigma = loop.sigma(loop.mean(np.zeros(len(wanted)), 8)[1])
@@ -53,7 +53,7 @@ def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pic
 def test_an_offset_of_the_demodulators_is_no_other_parameter_of_the_sheet():
     """A factor of 2 of it: the sheet's parameters leave more than 10 sigmas, so the record itself gives its size."""
     model, bench = configuration.Config(), loop_runs.Bench(1)
-    wanted = sheet.parameters(model, sheet.read(sheet.OWN))
+    wanted = data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET))
     uniform = loop_runs.Model(use_uniform_references(model))
     rows = bench.run([Run(uniform, c, SEED, None, 0, True) for c in CONDITIONS], FAST)
     data = loop_problem.Measured("offset", CONDITIONS, {c.id: row[None] for c, row in zip(CONDITIONS, rows)}, {})

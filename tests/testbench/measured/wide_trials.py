@@ -21,8 +21,8 @@ from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import tied
-from testbench.measured.record.plan import Condition
-from testbench.measured.wide import estimate, sheet
+from testbench.measured.record.recording_plan import Condition
+from testbench.measured.wide import data_sheet, estimate
 from testbench.tracing.trace import Options
 from tests.testbench.measured.loop_trials import QUICK, REPEATS, TRUE_SEED, lengths
 
@@ -48,7 +48,7 @@ EFFECTS = {
 def board(seed):
     """{key: value} of a board within the sheet."""
     rng, out, plant = np.random.default_rng([78, seed]), {}, configuration.Config().plant
-    for key, (kind, tolerance) in sheet.read(sheet.OWN).items():
+    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_SHEET).items():
         width = math.log(tolerance) if kind == "factor" else math.log1p(tolerance)
         most = math.log(MOST_COUPLING) if key == "plant.kxy_n_per_m" else width
         out[key] = getattr(plant, key.partition(".")[2]) * math.exp(rng.uniform(-width, most))
@@ -62,8 +62,8 @@ def recorded(bench, cfg, seed, conditions=CONDITIONS):
     for i, c in enumerate(conditions):
         for r in range(REPEATS[c.role]):
             told = Model(cfg, (f"force_x = {-per_hz * loop_noise.JITTER_HZ * float(rng.normal())!r} x",))
-            late = int(rng.integers(loop_runs.LATE))
-            runs.append(Run(told, c, TRUE_SEED + 10_000 * seed + 100 * i + r, late=late))
+            late = int(rng.integers(loop_runs.MOST_DELAY_FRAMES))
+            runs.append(Run(told, c, TRUE_SEED + 10_000 * seed + 100 * i + r, delay_frames=late))
     rows = iter(bench.run(runs, EXACT, fine=True))
     return {c.id: np.array([next(rows) for _ in range(REPEATS[c.role])]) for c in conditions}
 
@@ -79,7 +79,7 @@ def trial(seed, law=None, options=None):
         recorded(bench, configuration.changed(base, truth | hidden), seed),
         {"trial": str(seed)},
     )
-    found = estimate.estimate(data, base, sheet.parameters(base, sheet.read(sheet.OWN)), bench)
+    found = estimate.estimate(data, base, data_sheet.parameters(base, data_sheet.read(data_sheet.BUNDLED_SHEET)), bench)
     problem = loop_problem.LoopProblem(
         data, found.config, found.parameters, loop_laws.from_catalogue(), loop_laws.from_grammar(), bench
     )
@@ -121,7 +121,7 @@ def products(keys, values, covariance, truth):
 
 def identifiable(off, told):
     """`off` without the keys that a symmetry ties, and their products in place of them."""
-    hidden = {key for s in tied(list(off)).values() for key in (s.held, *s.partners)}
+    hidden = {key for s in tied(list(off)).values() for key in (s.dependent_key, *s.partners)}
     return {key: x for key, x in off.items() if key not in hidden} | told
 
 

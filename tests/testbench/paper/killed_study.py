@@ -7,8 +7,8 @@ angles.
 import sys
 
 from testbench.config import Config
-from testbench.paper import closed_form, law, page, study
-from testbench.paper.calibration.calibrate import NODES
+from testbench.paper import closed_form, page, paper_study, phase_laws
+from testbench.paper.calibration.calibrate_phases import NODES
 from testbench.paper.loop import sensitivity
 from testbench.paper.stages import Job
 from testbench.run.budget import budget
@@ -26,7 +26,7 @@ def calibrated(config):
     }
 
 
-class Small(study.Study):
+class Small(paper_study.Study):
     """Cases 1 and 5 at 25 degC for 10 s; few angles of each law, few parameters of the influence."""
 
     def _calibration(self):
@@ -36,10 +36,10 @@ class Small(study.Study):
         given, cases_deg = self.config, self.cases_deg()
         two = {case: cases_deg[case] for case in ("1", "5")}
         return [
-            Job("law_scale", None, law.scale_law, (given, two, (0.0, 9.0))),
-            Job("law_sense", None, law.sense_law, (given, two, ((0.0, 9.0), (0.0,)))),
-            Job("law_drive", None, law.drive_law, (given, two, (0.0, 9.0))),
-            Job("law_rail", None, law.rail_law, (given, cases_deg)),
+            Job("law_scale", None, phase_laws.scale_law, (given, two, (0.0, 9.0))),
+            Job("law_sense", None, phase_laws.sense_law, (given, two, ((0.0, 9.0), (0.0,)))),
+            Job("law_drive", None, phase_laws.drive_law, (given, two, (0.0, 9.0))),
+            Job("law_rail", None, phase_laws.rail_law, (given, cases_deg)),
         ]
 
     def influence(self, config):
@@ -47,7 +47,7 @@ class Small(study.Study):
 
 
 def main():
-    job = Small(Config(), sys.argv[1], study.SMALL._replace(rest_s=10.0))
+    job = Small(Config(), sys.argv[1], paper_study.SMALL._replace(rest_s=10.0))
     with job.lock_folder():
         job.run()
         page.write(job)

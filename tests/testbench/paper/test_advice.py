@@ -9,7 +9,7 @@ import pytest
 
 from testbench.commands import main as cli
 from testbench.config import Config, changed
-from testbench.paper.loop import advisor, limit_cycles, loop_page, notch, sensitivity
+from testbench.paper.loop import advisor, limit_cycles, loop_page, notch_loop, sensitivity
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.loop_parameters import loop_parameters
 from tests.testbench.paper import browser, growing
@@ -89,7 +89,7 @@ def test_noise_of_five_steps_removes_the_dead_band():
 
 
 def test_a_notch_takes_the_ring_where_it_stands():
-    e = notch.effect(DEFAULT)
+    e = notch_loop.effect(DEFAULT)
     assert 100 * e.ring_without == pytest.approx(0.34, abs=0.02)
     assert e.ring_with < 0.1 * e.ring_without
     assert abs(e.bandwidth_with_hz - e.bandwidth_without_hz) < 0.2
@@ -102,13 +102,13 @@ def test_a_notch_takes_the_ring_where_it_stands():
 
 def test_in_front_of_the_pi_a_notch_takes_the_damping_of_the_ring_away():
     """So it stands behind the loop: the ring lasts 13 times as long, although the loop is stable."""
-    loop, inside = lp.close(DEFAULT), notch.close_with_notch(DEFAULT, notch.design(139.0, 20.0))
+    loop, inside = lp.close(DEFAULT), notch_loop.close_with_notch(DEFAULT, notch_loop.design(139.0, 20.0))
     assert lp.radius(inside) < 1
     split = DEFAULT.split_hz
     assert advisor.ring_pole(loop, split).tau_s == pytest.approx(0.308, abs=0.01)
     assert advisor.ring_pole(inside, split).tau_s == pytest.approx(4.13, abs=0.1)
     # far away and narrow, it changes nothing
-    harmless = notch.close_with_notch(DEFAULT, notch.design(1900.0, 0.5))
+    harmless = notch_loop.close_with_notch(DEFAULT, notch_loop.design(1900.0, 0.5))
     assert advisor.bandwidth(harmless)[0] == pytest.approx(advisor.bandwidth(loop)[0], abs=0.01)
 
 
@@ -124,12 +124,12 @@ def test_the_analysis_knows_the_notch_of_the_firmware():
 
 
 def test_a_notch_is_one_at_rest_and_refuses_nonsense():
-    n = notch.design(139.0, 20.0)
-    assert abs(notch.gain(n, 0.001)[0]) == pytest.approx(1.0, abs=1e-9)
-    assert notch.applied(n, np.full(50, 7.0)).tolist() == pytest.approx([7.0] * 50)
+    n = notch_loop.design(139.0, 20.0)
+    assert abs(notch_loop.gain(n, 0.001)[0]) == pytest.approx(1.0, abs=1e-9)
+    assert notch_loop.applied(n, np.full(50, 7.0)).tolist() == pytest.approx([7.0] * 50)
     with pytest.raises(ValueError, match="notch_width_hz: 200 Hz is outside"):
-        notch.design(139.0, 200.0)
-    assert notch.effect(advisor.varied(DEFAULT, sid_hz=400.0)) is None
+        notch_loop.design(139.0, 200.0)
+    assert notch_loop.effect(advisor.varied(DEFAULT, sid_hz=400.0)) is None
 
 
 # ---- growth ----------------------------------------------------------------------------------------------------------

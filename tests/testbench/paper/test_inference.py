@@ -11,7 +11,16 @@ from scipy.stats import chi2, chisquare
 
 from testbench.config import changed
 from testbench.judge import numbers
-from testbench.paper.inference import board, forward, infer, likelihood, priors, ring_table, rows, simulated
+from testbench.paper.inference import (
+    forward,
+    infer,
+    likelihood,
+    priors,
+    probable_board,
+    ring_table,
+    rows,
+    simulated_boards,
+)
 from testbench.paper.loop import derived, loop_parameters
 from testbench.run.budget import budget
 
@@ -81,8 +90,8 @@ def drawn(rng, count):
 
 
 def one(z, mode, k):
-    v = {name: float(a[k]) for name, a in priors.values(z).items()}
-    return board.board_config(v, {name: int(a[k]) for name, a in mode.items()})
+    v = {name: float(a[k]) for name, a in priors.prior_values(z).items()}
+    return probable_board.board_config(v, {name: int(a[k]) for name, a in mode.items()})
 
 
 def linear(z, mode, k):
@@ -179,7 +188,7 @@ def test_a_compensated_carrier_keeps_the_gain_of_its_ring():
 
 def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
     """Rows at the optimum of the true mode are within the noise they were drawn with."""
-    z, mode, rng = simulated.board(2, 0)
+    z, mode, rng = simulated_boards.board(2, 0)
     (paper,) = likelihood.draw_papers(z, mode, rng)
     data = likelihood.compared(paper)
     found = infer.optimum(data)
@@ -194,14 +203,14 @@ def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
 
 @pytest.mark.slow
 def test_simulated_papers_are_covered_and_ranks_are_uniform():
-    judged = simulated.rank_boards(100, 11)
+    judged = simulated_boards.rank_boards(100, 11)
     parameters = np.array(list(judged.parameters.values()))
-    held_out = np.concatenate(list(judged.held_out.values()))
+    held_out = np.concatenate(list(judged.heldout_ranks.values()))
     assert parameters.shape == (len(priors.PRIORS), 100)
     assert len(held_out) > 2000
-    assert 0.86 < simulated.coverage(np.concatenate([parameters.ravel(), held_out])) < 0.94
-    assert 0.86 < simulated.coverage(parameters) < 0.94
-    assert 0.86 < simulated.coverage(held_out) < 0.94
+    assert 0.86 < simulated_boards.coverage(np.concatenate([parameters.ravel(), held_out])) < 0.94
+    assert 0.86 < simulated_boards.coverage(parameters) < 0.94
+    assert 0.86 < simulated_boards.coverage(held_out) < 0.94
     # 10 bins of 10 boards each; one of all tests in a hundred fails by chance
     p = [chisquare(np.histogram(ranks, 10, (0, 1))[0]).pvalue for ranks in parameters]
     assert min(p) > 0.01 / len(p)

@@ -10,17 +10,17 @@ from testbench import config as configuration
 from testbench.console.markdown import ROOT
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.inference import (
-    board,
     change,
-    files,
     forward,
-    heldout,
+    heldout_measurements,
     infer,
+    inference_files,
+    inference_page,
+    inference_study,
     likelihood,
-    page,
     priors,
+    probable_board,
     rows,
-    study,
 )
 from testbench.paper.loop import derived
 from testbench.paper.measure import measure_allan
@@ -37,7 +37,7 @@ def found():
 def test_the_board_is_the_optimum_of_the_paper(found):
     data = likelihood.compared(likelihood.the_paper())
     best = infer.optimum(data)
-    z, mode, covariance = study.best_board(data, best)
+    z, mode, covariance = inference_study.best_board(data, best)
     assert mode == found["board"]["mode"]
     np.testing.assert_allclose(z, found["board"]["z"], atol=2e-3)
     np.testing.assert_allclose(covariance, found["board"]["covariance"], atol=5e-3)
@@ -45,18 +45,18 @@ def test_the_board_is_the_optimum_of_the_paper(found):
 
 
 def test_the_file_is_that_board(found):
-    v = {name: float(a) for name, a in priors.values(np.array(found["board"]["z"])).items()}
-    wanted = board.settings(v, found["board"]["mode"])
+    v = {name: float(a) for name, a in priors.prior_values(np.array(found["board"]["z"])).items()}
+    wanted = probable_board.settings(v, found["board"]["mode"])
     loaded = configuration.load(BOARD)
     for key, value in wanted.items():
         section, name = key.split(".")
         assert getattr(getattr(loaded, section), name) == pytest.approx(value, rel=2e-4, abs=1e-20), key
-    assert BOARD.read_text() == files.toml_text(found, BOARD.with_suffix(".json").name)
+    assert BOARD.read_text() == inference_files.toml_text(found, BOARD.with_suffix(".json").name)
 
 
 def test_the_board_meets_the_fitted_rows_by_the_linear_loops(found):
-    values = study.config_rows(configuration.load(BOARD), found["board"]["mode"]["ye2_at_pin"] == 1)
-    pulls = {row.name: study.pull(row, values[row.name]) for row in likelihood.FITTED}
+    values = inference_study.config_rows(configuration.load(BOARD), found["board"]["mode"]["ye2_at_pin"] == 1)
+    pulls = {row.name: inference_study.pull(row, values[row.name]) for row in likelihood.FITTED}
     assert max(map(abs, pulls.values())) < 2.0, pulls
     for row in found["rows"]:
         assert values[row["name"]] == pytest.approx(row["after"], rel=1e-3, abs=1e-5)
@@ -78,20 +78,20 @@ def test_a_contradicted_class_is_called_so(found):
     assert ("steps", "bias_3to4") in wrong
     assert said["cold", "scale_factor"] == said["warm", "scale_factor"] == "predicted"
     assert min(found["effective_draws"], *found["effective_fold_draws"].values()) > 400
-    text = " ".join(page.summary(found))
+    text = " ".join(inference_page.summary(found))
     assert "v_q_3to4 (steps)" in text
-    assert page.changes_table(found).rows
+    assert inference_page.changes_table(found).rows
 
 
 def test_each_class_that_its_temperature_contradicts_has_its_smallest_change(found):
     """And the missing minus sign is tried: neither widens the class, which stays contradicted. So the page says."""
-    by_temp = {fold.name for fold in rows.folds() if fold.rule == heldout.TEMPERATURE}
+    by_temp = {fold.name for fold in rows.folds() if fold.rule == heldout_measurements.TEMPERATURE}
     wrong = {(c["fold"], c["group"]) for c in found["classes"] if c["verdict"] == "contradicted"}
     wrong = {key for key in wrong if key[0] in by_temp}
     moved = found["changes_at_temperature"]
     assert {(m["fold"], m["group"]) for m in moved} == {(c["fold"], c["group"]) for c in found["other_sign"]} == wrong
-    assert all(m["without"] < heldout.LEVEL <= m["together"] and m["moved"] for m in moved)
-    assert len(page.holdout_changes_table(found).rows) == len(moved)
+    assert all(m["without"] < heldout_measurements.LEVEL <= m["together"] and m["moved"] for m in moved)
+    assert len(inference_page.holdout_changes_table(found).rows) == len(moved)
     assert {m["fold"] for m in moved} == by_temp
     assert max(abs(m["moved"]) for m in moved) < 0.5
     assert not [c for c in found["other_sign"] if c["verdict"] == "contradicted"]
@@ -106,16 +106,16 @@ def test_the_smallest_change_at_a_temperature_is_what_the_linear_loop_needs():
     z[:, k] = 0.02 * rng.standard_normal(count)
     post = infer.Posterior(None, z, {n: np.full(count, a) for n, a in one.items()}, np.full(count, 1 / count), count)
     (fold,) = [f for f in rows.folds() if f.name == "warm"]
-    said = heldout.draw_predictions(post, rng)
+    said = heldout_measurements.draw_predictions(post, rng)
     values = {name: float(np.median(said[name])) for name in fold.rows}
     paper = likelihood.Paper(values | {"bias_50": values["bias_50"] + 0.18})
     (moved,) = change.temperature_moves(paper, (fold, post, said), "bias", best=1)
     assert moved.name == "offset_dps"
 
     def bias_dps(offset_dps):
-        v = {name: float(a) for name, a in priors.values(np.zeros(len(priors.NAMES))).items()}
-        config = board.board_config(v | {"offset_dps": offset_dps}, one)
-        return np.mean([derived.derive(study.with_words(config, case), 50.0).bias_dps for case in (1, 2, 3)])
+        v = {name: float(a) for name, a in priors.prior_values(np.zeros(len(priors.NAMES))).items()}
+        config = probable_board.board_config(v | {"offset_dps": offset_dps}, one)
+        return np.mean([derived.derive(inference_study.with_words(config, case), 50.0).bias_dps for case in (1, 2, 3)])
 
     edge = 2.5758 * np.std(said["bias_50"])
     assert 0.05 < edge < 0.08
@@ -131,8 +131,8 @@ def test_a_drawn_board_runs_as_the_closed_form_says(number):
     z = np.clip(rng.standard_normal((1, infer.SIZE)), -1.2, 1.2)
     mode = {c.name: rng.choice(c.choices, 1) for c in priors.CHOICES}
     temp = (-20.0, 25.0, 50.0)[number % 3]
-    v = {name: float(a[0]) for name, a in priors.values(z).items()}
-    checked = board.board_config(v, {name: int(a[0]) for name, a in mode.items()})
+    v = {name: float(a[0]) for name, a in priors.prior_values(z).items()}
+    checked = probable_board.board_config(v, {name: int(a[0]) for name, a in mode.items()})
     bench = Bench(checked, 20.0, temp, "baseband")
     words = {}
     for rate in (20.0, -20.0, 0.0):

@@ -8,10 +8,10 @@ import pytest
 
 from testbench.config import Config
 from testbench.judge import judge, numbers
-from testbench.judge.verdict import NOT_COMPARABLE, NOT_COMPUTED, ROLES, VERDICTS, Value
+from testbench.judge.number_verdict import NOT_COMPARABLE, NOT_COMPUTED, ROLES, VERDICTS, Value
 from testbench.measured.parts import paper
 from testbench.paper import closed_form, judge_table, simulated
-from testbench.paper.calibration.calibrate import FACTOR, NODES
+from testbench.paper.calibration.calibrate_phases import FACTOR, NODES
 from testbench.run.budget import budget
 
 ROOT = Path(__file__).resolve().parents[3]

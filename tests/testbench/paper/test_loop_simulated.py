@@ -9,7 +9,7 @@ import pytest
 from fpga_model.rates import FRAME_HZ
 from testbench.config import Config, changed, phase_word
 from testbench.errors import ConfigError
-from testbench.paper.loop import advisor, confirm, limit_cycles, notch, sensitivity
+from testbench.paper.loop import advisor, confirm, limit_cycles, notch_loop, sensitivity
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.loop_parameters import loop_parameters
 from tests.testbench.paper import growing
@@ -76,12 +76,12 @@ def test_rest_scale_factor_and_step(runs):
     assert (words[-400:].mean() - before) / STEP_DPS == pytest.approx(a.lsb_per_dps, rel=200e-6)
     time_s = (np.arange(len(words)) - STEP_AT) / FRAME_HZ
     course = (words - before) / (words[-400:].mean() - before)
-    want_s, want = notch.step_words(p, 0.9)
+    want_s, want = notch_loop.step_words(p, 0.9)
     np.testing.assert_allclose(np.interp(want_s, time_s, course), want, atol=2e-3)
-    ring = notch.ring_share(time_s, course)
-    assert ring == pytest.approx(notch.ring_share(want_s, want), rel=0.05)
-    behind = notch.applied(notch.design(a.ring_hz, 20.0), course)
-    assert notch.ring_share(time_s, behind) < 0.15 * ring
+    ring = notch_loop.ring_share(time_s, course)
+    assert ring == pytest.approx(notch_loop.ring_share(want_s, want), rel=0.05)
+    behind = notch_loop.applied(notch_loop.design(a.ring_hz, 20.0), course)
+    assert notch_loop.ring_share(time_s, behind) < 0.15 * ring
 
 
 def test_without_noise_the_loops_rest_in_the_dead_band(runs):

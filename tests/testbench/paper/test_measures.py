@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from testbench.paper import temperature
-from testbench.paper.calibration import boards
+from testbench.paper.calibration import calibration_boards
 from testbench.paper.calibration.bench import log_cosine_ratio
-from testbench.paper.calibration.calibrate import Readings, fit_ring, fit_step_ring
+from testbench.paper.calibration.calibrate_phases import Readings, fit_ring, fit_step_ring
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
 from tests.testbench.bench_setup import configured
 
@@ -130,8 +130,8 @@ def test_bandwidth_of_a_pole():
 
 def test_boards_are_the_same_however_many_are_drawn():
     base = configured()
-    many = boards.draw_boards(base, 5, 3)
-    assert many[2] == boards.draw(base, 5, 2)
+    many = calibration_boards.draw_boards(base, 5, 3)
+    assert many[2] == calibration_boards.draw(base, 5, 2)
     assert len({c.plant.fx_hz for c in many}) == 3
     for config in many:
         assert 120.0 <= config.plant.fx_hz - config.plant.fy_hz <= 160.0

@@ -15,16 +15,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from testbench.campaign import collect, execute
+from testbench.campaign.campaign_progress import Progress
 from testbench.campaign.plan import plan
 from testbench.campaign.pool import InProcess
-from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
 from testbench.config import changed
 from testbench.console import figure_files, report
 from testbench.judge import numbers
-from testbench.judge.verdict import VERDICTS
-from testbench.paper import cases, law, page, study
-from testbench.paper.calibration import boards, calibrate, calibrations, counter
+from testbench.judge.number_verdict import VERDICTS
+from testbench.paper import cases, page, paper_study, phase_laws
+from testbench.paper.calibration import calibrate_phases, calibration_boards, calibrations, counter
 from testbench.paper.calibration.bench import Bench, Judge
 from testbench.paper.loop import advisor, loop, loop_parameters, sensitivity
 from testbench.paper.measure import characterise, measure_scale
@@ -89,8 +89,8 @@ def test_the_offset_of_the_demodulator_is_taken_off():
         settings = {"firmware__reference_retimed": False, "plant__sid_charge_mismatch": mismatch}
         bench = Bench(quiet(**settings, plant__sid_charge_c=1.3e-12), engine="baseband")
         truth = Judge(bench).residuals().deg
-        wrong_deg.append(calibrate.detune(bench, (40.0, 50.0)).deg.mean() - truth["xe1"] - truth["xe2"])
-        offsets.append(calibrate.offset_deg(bench))
+        wrong_deg.append(calibrate_phases.detune(bench, (40.0, 50.0)).deg.mean() - truth["xe1"] - truth["xe2"])
+        offsets.append(calibrate_phases.offset_deg(bench))
     assert offsets[1] - offsets[0] > 0.003
     assert wrong_deg[0] == pytest.approx(wrong_deg[1], abs=0.0001)
     assert wrong_deg == pytest.approx([0.0, 0.0], abs=3 * rounding_deg)
@@ -98,14 +98,14 @@ def test_the_offset_of_the_demodulator_is_taken_off():
 
 def test_where_edges_slide_on_their_grid_the_stamps_say_so():
     """Board 7 of seed 5 runs beside 9 MHz/818: the loop slides, x stands up to 0.1 deg off, and detuning finds psi."""
-    bench = Bench(boards.draw(configured(), 5, 7), engine="baseband")
+    bench = Bench(calibration_boards.draw(configured(), 5, 7), engine="baseband")
     truth = Judge(bench).residuals().deg
-    turned = calibrate.TurnedReading(bench)
+    turned = calibrate_phases.TurnedReading(bench)
     turned.to(55.0)
     rows = bench.stamped(3.0)
-    assert calibrate.pin_delay(bench, rows, np.ones(len(rows))).deg > 0.05
+    assert calibrate_phases.pin_delay(bench, rows, np.ones(len(rows))).deg > 0.05
     turned.to(0.0)
-    found = calibrate.detune(bench, (55.0, 50.0))
+    found = calibrate_phases.detune(bench, (55.0, 50.0))
     assert found.deg == pytest.approx(truth["xe1"] + truth["xe2"], abs=0.004)
     assert all(found.grid_deg < 0.001)
 
@@ -216,7 +216,7 @@ import sys
 from testbench.campaign import execute
 from testbench.campaign.plan import plan
 from testbench.campaign.pool import InProcess
-from testbench.campaign.progress import Progress
+from testbench.campaign.campaign_progress import Progress
 execute.run(plan.read(sys.argv[1]), sys.argv[2], InProcess(), Progress(quiet=True))
 """
 
@@ -257,7 +257,7 @@ def test_scale_factor_follows_the_law():
         "4": WORDS | {"phase_sense_ref": 0.0},
         "5": WORDS,
     }
-    rows = law.scale_law(configured(), sets)
+    rows = phase_laws.scale_law(configured(), sets)
     assert all(abs(row["law_ppm"]) < 200 for row in rows), [(r["name"], r["law_ppm"]) for r in rows]
     assert max(abs(row["eq12_ppm"]) for row in rows) > 1000, "eq (12) alone must be told apart"
 
@@ -266,21 +266,22 @@ def test_scale_factor_follows_the_law():
 def test_noise_of_the_running_gyroscope():
     """ARW within 15 % of 0.1337 deg/sqrt(h) with all sources; flicker alone within 30 % of its derived floor."""
     config = calibrations.case_config(configured(), WORDS)
-    derived = law.derived_noise(config)
+    derived = phase_laws.derived_noise(config)
     # 37 nV/rtHz at 1 Hz behind the SID, 57.9 uV there per deg/s
     assert derived["flicker"]["instability_deg_per_h"] == pytest.approx(
         np.sqrt(2 * np.log(2)) * 37e-9 / 57.9e-6 * 3600, rel=0.02
     )
-    lengths_s = {"all": 100.0, "only flicker": 600.0, "none": 50.0, law.NOT_RETIMED: 50.0}
+    lengths_s = {"all": 100.0, "only flicker": 600.0, "none": 50.0, phase_laws.NOT_RETIMED: 50.0}
     found = {
-        name: law.measure_noise(configured(), {"5": WORDS}, name, length_s) for name, length_s in lengths_s.items()
+        name: phase_laws.measure_noise(configured(), {"5": WORDS}, name, length_s)
+        for name, length_s in lengths_s.items()
     }
     assert found["all"]["arw_deg_per_rt_h"] == pytest.approx(0.1337, rel=0.15)
     assert found["only flicker"]["instability_deg_per_h"] == pytest.approx(
         derived["flicker"]["instability_deg_per_h"], rel=0.30
     )
     # what is left without noise is the beat of edges that are re-timed
-    left, without = (found[name]["arw_deg_per_rt_h"] for name in ("none", law.NOT_RETIMED))
+    left, without = (found[name]["arw_deg_per_rt_h"] for name in ("none", phase_laws.NOT_RETIMED))
     assert without <= derived["none"]["arw_deg_per_rt_h"] < left < 0.1 * found["all"]["arw_deg_per_rt_h"]
 
 
@@ -290,7 +291,7 @@ def test_noise_of_the_running_gyroscope():
 def made_study(tmp_path):
     """A study whose stages are made up, so that the page is quick; the figures and tables are the real ones."""
 
-    class Made(study.Study):
+    class Made(paper_study.Study):
         def calibration(self):
             deg = {"xe1": 3.76, "xe2": 0.94, "ye1": 9.23, "ye2": 1.26}
             small = dict.fromkeys(deg, 0.001)
@@ -373,7 +374,7 @@ def made_study(tmp_path):
                 }
                 for a in (-9.0, 0.0, 9.0)
             ]
-            noise = {n: {"arw_deg_per_rt_h": 0.1, "instability_deg_per_h": 2.0} for n in law.NOISE_SETS}
+            noise = {n: {"arw_deg_per_rt_h": 0.1, "instability_deg_per_h": 2.0} for n in phase_laws.NOISE_SETS}
             sense = [
                 {"ye1": a, "ye2": b, "deg": deg | {"ye1": a}, "lsb_per_dps": 8651.0, "sigma_lsb_per_dps": 0.1,
                  "inverse_cosine": 1.0}
@@ -424,8 +425,8 @@ def test_the_page_holds_every_number_and_every_figure(written):
     assert sum(verdicts.values()) == len(numbers.numbers())
     assert text.pictures == len(text.captions) >= 12
     assert all(caption.startswith("What to see") for caption in text.captions)
-    shares = {row[0]: row for row in text.rows if len(row) == 7 and row[0] in ("all", *law.SOURCES)}
-    assert len(shares) == 1 + len(law.SOURCES)
+    shares = {row[0]: row for row in text.rows if len(row) == 7 and row[0] in ("all", *phase_laws.SOURCES)}
+    assert len(shares) == 1 + len(phase_laws.SOURCES)
     assert float(shares["cv"][3]) == pytest.approx(0.134, abs=0.002)
 
 

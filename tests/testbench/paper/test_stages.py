@@ -10,7 +10,7 @@ import pytest
 from testbench import config
 from testbench.campaign.plan import plan
 from testbench.errors import ConfigError, FileError
-from testbench.paper import cases, stages, study
+from testbench.paper import cases, paper_study, stages
 from testbench.paper.calibration import calibrations
 
 RESULT = {"cases_deg": {"1": {"xe1": 1.5}}, "detuning": [0.1, None, float("inf")]}
@@ -41,7 +41,7 @@ def calls(monkeypatch):
 
 
 def calibrated(folder):
-    return study.Study(config.Config(), folder, study.SMALL).calibration()
+    return paper_study.Study(config.Config(), folder, paper_study.SMALL).calibration()
 
 
 def test_a_stage_is_done_once(calls, tmp_path):
@@ -122,7 +122,7 @@ def test_a_fifo_is_not_waited_for(calls, tmp_path):
 
 
 def test_one_process_at_a_time(tmp_path):
-    one, other = (study.Study(config.Config(), tmp_path, study.SMALL) for _ in range(2))
+    one, other = (paper_study.Study(config.Config(), tmp_path, paper_study.SMALL) for _ in range(2))
     with one.lock_folder():
         with pytest.raises(FileError, match=rf"another study is at work here: process {os.getpid()} on "):
             with other.lock_folder():
@@ -134,7 +134,7 @@ def test_one_process_at_a_time(tmp_path):
 def test_a_file_in_the_place_of_the_folder_is_one_line(tmp_path):
     (tmp_path / "file").write_text("x")
     with pytest.raises(FileError, match="file: cannot be written"):
-        study.Study(config.Config(), tmp_path / "file")
+        paper_study.Study(config.Config(), tmp_path / "file")
 
 
 # ---- every key of the configuration ----------------------------------------------------------------------------------
@@ -183,7 +183,7 @@ def test_every_key_reaches_the_points(tmp_path):
     words = dict.fromkeys(cases.PHASE_REGISTERS, 1.25)
     for section, key in KEYS:
         wanted = board_with(section, key)
-        study.check(wanted)
+        paper_study.check(wanted)
         # case 1 is the words that the board had before its calibration, as `calibrate` returns them
         begin = {name: getattr(wanted.firmware, f"{name}_deg") for name in cases.PHASE_REGISTERS}
         made = plan.read(cases.write_plan(tmp_path / "p.toml", wanted, {"1": begin, "2": words}, 10.0, (25.0, 50.0)))
@@ -202,8 +202,8 @@ def test_the_campaign_is_of_the_studys_board(calls, monkeypatch, tmp_path):
         {"plant.qx": 1e5, "firmware.ftr_zero_hz": 90.0, "noise.cv": False, "effects.feedthrough_y": 1e-6,
          "nominal.q_tolerance": 3.0},
     )  # fmt: skip
-    job = study.Study(wanted, tmp_path, study.SMALL)
-    sets = {str(k): dict.fromkeys(cases.PHASE_REGISTERS, float(k)) for k in study.SMALL.case_numbers}
+    job = paper_study.Study(wanted, tmp_path, paper_study.SMALL)
+    sets = {str(k): dict.fromkeys(cases.PHASE_REGISTERS, float(k)) for k in paper_study.SMALL.case_numbers}
     monkeypatch.setitem(RESULT, "cases_deg", sets)
     points, _ = plan.points(job.plan())
     assert len(points) == 2
@@ -215,4 +215,4 @@ def test_the_campaign_is_of_the_studys_board(calls, monkeypatch, tmp_path):
 @pytest.mark.parametrize("text", ["scenario.seconds=5.0", 'scenario.engine="clocked"', "output.pictures=false"])
 def test_scenario_and_output_are_refused(text, tmp_path):
     with pytest.raises(ConfigError, match=f"{text.split('=')[0]} = .*the study of the paper sets"):
-        study.Study(config.load(None, [text]), tmp_path)
+        paper_study.Study(config.load(None, [text]), tmp_path)

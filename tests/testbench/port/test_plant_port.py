@@ -17,9 +17,9 @@ from testbench.campaign.plan import plan as campaign_plan
 from testbench.config import Config, changed, to_toml
 from testbench.engines import window
 from testbench.errors import ConfigError, FileError
-from testbench.measured.record import check_tables, from_run, load, produce
-from testbench.measured.record import plan as plans
-from testbench.port import library
+from testbench.measured.record import check_tables, from_run, load_record, produce
+from testbench.measured.record import recording_plan as plans
+from testbench.port import plant_loader
 from testbench.port.plant import Plant
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
@@ -146,9 +146,9 @@ def test_a_record_of_a_foreign_plant_is_accepted_and_its_firmware_replays(tmp_pa
     (tmp_path / "plan.toml").write_text('repeats = 2\n[[condition]]\nid = "rest"\nsettle_s = 0.01\nseconds = 0.05\n')
     done = gyro("measured", "record", "plan.toml", "--plant", path, "-o", "record.h5", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    loaded = load.load(tmp_path / "record.h5")
+    loaded = load_record.load(tmp_path / "record.h5")
     made = loaded.record
-    assert made.attrs["plant_sha256"] == library.open_library(path).sha256
+    assert made.attrs["plant_sha256"] == plant_loader.open_library(path).sha256
     assert made.attrs["plant_unseen"] == ""
     # DRDY 10 clocks behind the frame's end, and the read
     assert made.streams["adc_xI"].edge0 == 10 + window.valid_clocks(configured().design_record())
@@ -183,7 +183,7 @@ def test_two_libraries_run_one_after_the_other_on_the_same_kernels(resonator, tm
     other = compiled(tmp_path, "resonator", changes=[("1.8574e12", "1.9e12")])
     hashes = [started(path, 20_000).codes_sha256() for path in (resonator, other, resonator)]
     assert hashes[0] == hashes[2] != hashes[1]
-    assert library.open_library(other).sha256 != library.open_library(resonator).sha256
+    assert plant_loader.open_library(other).sha256 != plant_loader.open_library(resonator).sha256
     # what was loaded stays what runs, also where the file is overwritten in place
     before = started(other, 20_000).codes_sha256()
     other.write_bytes(resonator.read_bytes())
@@ -313,7 +313,7 @@ def test_an_interrupted_run_goes_on_to_the_same_codes_with_its_plant_named_again
     found = json.loads(done.stdout)
     assert found["codes_sha256"] == uncut
     record = record_read.read_record(tmp_path / "cut" / "run.h5")
-    assert record.attrs["plant_sha256"] == found["plant_sha256"] == library.open_library(resonator_py).sha256
+    assert record.attrs["plant_sha256"] == found["plant_sha256"] == plant_loader.open_library(resonator_py).sha256
     assert "plant_file_sha256" not in record.attrs
     assert found["plant_file_sha256"] is None
 
@@ -331,7 +331,7 @@ def test_a_state_continues_only_with_its_plant_and_the_command_says_which(resona
     run += ["--set", "output.pictures=false"]
     done = gyro(*run, "--plant", resonator_py, "--out", "a", "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert library.open_library(resonator_py).sha256 in done.stdout
+    assert plant_loader.open_library(resonator_py).sha256 in done.stdout
     for path, line in ((changed, "another plant cannot continue it"), (None, "this is plant none")):
         options = ["--plant", path] if path else []
         done = gyro(*run, *options, "--out", "b", "--resume", "a/state.h5", "--across-versions", folder=tmp_path)

@@ -15,7 +15,7 @@ CHECKED = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all")
 def exported(tmp_path_factory):
     for name in EXTRA:
         pytest.importorskip(name, reason=f"{name} is not installed: no format of the register map was checked")
-    from testbench.register_map.export import export
+    from testbench.register_map.export_registers import export
 
     folder = tmp_path_factory.mktemp("register_map") / "map"
     export(folder)

@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from testbench.register_map import c_header, export, systemrdl
+from testbench.register_map import c_header, export_registers, systemrdl
 from tests.testbench.register_map import printed_map
 
 pytestmark = pytest.mark.skipif(
@@ -71,7 +71,9 @@ def test_a_negative_reset_is_negative(exported, tmp_path):
     )
     assert text != systemrdl.text()
     (tmp_path / "map.rdl").write_text(text)
-    assert "#define GYRO_RATE_BIAS_RESET INT64_C(-2)\n" in c_header.text(export.compiled(tmp_path / "map.rdl"), 4.0)
+    assert "#define GYRO_RATE_BIAS_RESET INT64_C(-2)\n" in c_header.text(
+        export_registers.compiled(tmp_path / "map.rdl"), 4.0
+    )
 
 
 def test_cplusplus_takes_them_too(exported, tmp_path):

@@ -12,7 +12,7 @@ import pytest
 from testbench import config
 from testbench.commands.main import main
 from testbench.errors import ConfigError, FileError
-from testbench.register_map.export import export
+from testbench.register_map.export_registers import export
 from tests.testbench.register_map import printed_map
 
 BOARDS = Path(__file__).parents[3] / "docs" / "boards"

@@ -20,9 +20,9 @@ from fpga_model.block import port_name
 from fpga_model.design_record import DEFAULT
 from testbench.config import Config
 from testbench.flatten import leaves
-from testbench.golden.foreign.sources import Sources
+from testbench.golden.foreign.rtl_sources import Sources
 from testbench.golden.loop import from_vhdl, library
-from testbench.golden.recording import board, host_board
+from testbench.golden.recording import board_recording, host_board
 from testbench.run import build
 from testbench.tool import run_tool
 from tests.fpga_model import axi_host, spi_host
@@ -171,7 +171,7 @@ int64_t host_left(int64_t handle) { return ((Design*)handle)->host.left(); }
 
 def face(firmware):
     """Pins of the board; it lacks those of the bank's bus."""
-    return library.pin_face(board.MODULE, firmware, build.params(Config(), 25.0, 25.0).chips)
+    return library.pin_face(board_recording.MODULE, firmware, build.params(Config(), 25.0, 25.0).chips)
 
 
 def driver_text(firmware, bench):
@@ -214,7 +214,7 @@ def board_of(stem, folder, language="v", edits=()):
     if shutil.which("verilator") is None:
         pytest.skip("verilator is not installed: the port of the RTL was NOT tried")
     pytest.importorskip("systemrdl", reason="systemrdl-compiler is not installed: the C driver was NOT tried")
-    from testbench.register_map.export import export
+    from testbench.register_map.export_registers import export
 
     p, rtl = firmware(), folder / "rtl"
     shutil.copytree(RTL, rtl, ignore=shutil.ignore_patterns("formal", "example", "quartus"))
@@ -230,14 +230,16 @@ def board_of(stem, folder, language="v", edits=()):
             path.with_suffix(".v").unlink()
         found = from_vhdl.synthesise_vhdl(Sources(tuple(files), ("",) * len(files)), f"gyro_{stem}", folder, stem)
         shutil.move(found, rtl / f"{stem}.v")
-        made = folder / f"{board.MODULE}.v"  # synthesis leaves no parameters
+        made = folder / f"{board_recording.MODULE}.v"  # synthesis leaves no parameters
         made.write_text(made.read_text().replace(f"gyro_{stem} #(.DDS_BITS(48))", f"gyro_{stem}"))
     export(folder / "map")
     c = folder / "map" / "c"
     shutil.copy(Path(__file__).with_name(PORTS[stem].bench), c)
     (folder / "driver.cpp").write_text(driver_text(p, PORTS[stem].bench))
     command = f"verilator --cc --exe -O3 --x-initial 0 -Wno-fatal -Wno-lint -Wno-style -CFLAGS -fPIC -CFLAGS -I{c}"
-    command += f" -CFLAGS -DVL_USER_FATAL -LDFLAGS -shared --top-module {board.MODULE} --prefix {library.CLASS}"
+    command += (
+        f" -CFLAGS -DVL_USER_FATAL -LDFLAGS -shared --top-module {board_recording.MODULE} --prefix {library.CLASS}"
+    )
     command += f" --Mdir built -o gyro_top.so gyro_board.v driver.cpp {c}/gyro_spi.c {c}/gyro_driver.c"
     run_tool([*command.split(), *map(str, sorted(rtl.glob("*.v")))], folder, "the board")
     level = ["OPT_FAST=-O1", "OPT_SLOW=-O0", "OPT_GLOBAL=-O1"]

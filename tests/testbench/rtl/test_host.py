@@ -122,7 +122,7 @@ def test_reset_values_are_read_and_every_register_is_written_and_read_back(built
 
 def test_every_register_has_its_reset_value(built):
     """Each is the first that is read behind a reset, before any 8 kHz work: against model, SystemRDL and C header."""
-    from testbench.register_map.export import compiled
+    from testbench.register_map.export_registers import compiled
 
     _, folder, p = built
     with opened(built) as port:

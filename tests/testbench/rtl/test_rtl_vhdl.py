@@ -9,7 +9,7 @@ import shutil
 
 import pytest
 
-from testbench.golden.foreign.sources import Sources
+from testbench.golden.foreign.rtl_sources import Sources
 from testbench.golden.loop import from_vhdl
 from tests.testbench.rtl.test_rtl import BLOCKS, OF_HOST, RTL, TIMEOUT_S, VHDL, parameters, ran
 

@@ -129,7 +129,7 @@ def test_sigma_of_the_pins_is_where_edges_on_a_grid_leave_them():
     for f_hz in rng.uniform(10900, 11100, 400):
         sine, cosine = pin_errors(f_hz, rng.random(), lambda t: 0.0 * t)
         pin = nodes.pin_lag(sine, cosine, 1e-6 * f_hz)
-        error = pin.even - f_hz * (153.8e-9 + 0.5e-6)
+        error = pin.mean_lag - f_hz * (153.8e-9 + 0.5e-6)
         assert abs(error) <= np.sqrt(3) * pin.sigma * 1.001 + 1e-12
         z.append(error / pin.sigma)
     # z^2 of a uniform distribution has the variance 0.8: four standard errors of 400
@@ -147,10 +147,10 @@ def test_edges_that_dwell_on_one_side_of_the_grid_do_not_move_the_pins(sign):
 
     sine, cosine = pin_errors(f_hz, 0.003, turned, 1.0)
     pin = nodes.pin_lag(sine, cosine, 1e-6 * f_hz)
-    assert 360 * abs(pin.even - f_hz * (153.8e-9 + 0.5e-6)) < 360 * np.sqrt(3) * pin.sigma + 1e-9 < 0.01
+    assert 360 * abs(pin.mean_lag - f_hz * (153.8e-9 + 0.5e-6)) < 360 * np.sqrt(3) * pin.sigma + 1e-9 < 0.01
     mean = np.average(sine, weights=np.hanning(len(sine)))
-    assert 360 * pin.beyond == pytest.approx(360 * (mean - pin.even), abs=1e-3)
-    assert abs(360 * pin.beyond) > 0.005 * step_deg
+    assert 360 * pin.sine_excess == pytest.approx(360 * (mean - pin.mean_lag), abs=1e-3)
+    assert abs(360 * pin.sine_excess) > 0.005 * step_deg
 
 
 def test_sigma_of_a_pickoff_is_the_spread_of_its_readings():

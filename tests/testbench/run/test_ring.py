@@ -9,7 +9,7 @@ from analog_frontend.parts import propagator, ring_cycle, ring_diode
 from testbench.config import Config
 from testbench.engines import lanes
 from testbench.errors import ConfigError
-from testbench.run import budget, build, simulate, tables
+from testbench.run import budget, build, run_tables, simulate
 from testbench.run.run_statistics import amplitude_m
 from tests.testbench.bench_setup import configured, quiet
 
@@ -34,7 +34,7 @@ def test_the_loop_holds_what_the_demodulator_sees():
     held_m = budget.setpoint_amplitude_m(on, 25.0)
     held_f = 1e-7 * held_m
     seen = ring_cycle.large(ring_tables.circuit(on.device(), "drive", 25.0), held_f)
-    assert seen.seen_v_per_f * held_f == pytest.approx(gain * 5e-6, rel=1e-6)
+    assert seen.demodulated_v_per_f * held_f == pytest.approx(gain * 5e-6, rel=1e-6)
     rows = [budget.budget(checked).rows for checked in (linear, on)]
     drive, sense = ([row[node][0].seconds for row in rows] for node in ("xe2", "ye2"))
     assert drive == pytest.approx([tau_s, seen.delay_s], rel=1e-4)
@@ -49,8 +49,8 @@ def test_budget_and_run_say_it():
     planned = budget.budget(Config())
     assert "1 % at 3.09 um" in planned.ring
     assert "keeps it linear" in planned.ring
-    assert planned.ring in tables.budget_tables(planned)[1].note
-    assert tables.budget_json(planned)["ring"] == planned.ring
+    assert planned.ring in run_tables.budget_tables(planned)[1].note
+    assert run_tables.budget_json(planned)["ring"] == planned.ring
     warm = budget.budget(configured(**ON), temp_degc=50.0)
     assert "50 degC" in warm.ring
     assert "saturates in this plant" in warm.ring

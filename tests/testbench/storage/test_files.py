@@ -18,7 +18,7 @@ from testbench.campaign import store
 from testbench.errors import FileError
 from testbench.run import outputs
 from testbench.storage import checkpoint, files
-from testbench.tracing.problem import checkpoint as kept
+from testbench.tracing.problem import trace_checkpoint as kept
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = ("a.txt", "b.txt", "sub/c.txt")

@@ -15,7 +15,7 @@ from testbench import flatten
 from testbench.campaign import collect, store
 from testbench.commands import main as cli
 from testbench.config import changed, from_dict
-from testbench.measured.record import load
+from testbench.measured.record import load_record
 from testbench.run import simulation
 from testbench.storage import record_read, state_file
 from testbench.storage.inputs import read_toml
@@ -58,7 +58,7 @@ def test_a_record_is_read_and_its_content_hash_holds(tmp_path):
 
 
 def test_a_measurement_record_is_read_and_checked():
-    loaded = load.load(WRITTEN / "gyrorec.h5", replay=False)
+    loaded = load_record.load(WRITTEN / "gyrorec.h5", replay=False)
     # that version stated half the volts per code of its bipolar DACs
     assert [str(finding).split()[:2] for finding in loaded.findings] == [
         ["R14", "/segments"],

@@ -22,7 +22,7 @@ def test_the_frame_engine_reaches_firmware_plant_and_statistics():
     assert set(wanted) <= set(found)
     assert not {
         "testbench.commands.main",
-        "testbench.bench.measure",
+        "testbench.bench.measure_speed",
         "testbench.campaign.pool",
     } & set(found)
 

@@ -18,7 +18,7 @@ def harmonics(wave):
 
 @pytest.mark.parametrize("amplitude", [2.3, 21.0, 83.4, 333.7])
 def test_lines_of_a_rounded_sine(amplitude):
-    n, found = rounding.lines(amplitude)
+    n, found = rounding.rounding_harmonics(amplitude)
     seen = harmonics(np.round(amplitude * np.sin(ANGLE)))[n]
     top = int(np.argmax(seen))
     assert 20 * abs(math.log10(found.max() / seen.max())) < 0.3
@@ -30,10 +30,10 @@ def test_lines_of_a_sine_with_noise_in_its_amplitude():
     rng = np.random.default_rng(1)
     amplitude, rms = 83.4, 0.2
     mean = np.mean([np.round(a * np.sin(ANGLE)) for a in rng.normal(amplitude, rms, 400)], axis=0)
-    n, found = rounding.lines(amplitude, rms)
+    n, found = rounding.rounding_harmonics(amplitude, rms)
     seen = harmonics(mean)[n]
     assert 20 * abs(math.log10(found.max() / seen.max())) < 0.5
-    assert found.max() < 0.9 * rounding.lines(amplitude)[1].max(), "noise takes from the lines"
+    assert found.max() < 0.9 * rounding.rounding_harmonics(amplitude)[1].max(), "noise takes from the lines"
 
 
 @pytest.mark.parametrize("amplitude", [333.7, 500.0])

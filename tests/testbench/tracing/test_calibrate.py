@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from testbench.tracing.fit import calibrate, identify
+from testbench.tracing.fit import identify, posterior_fit
 from testbench.tracing.problem.model import Model, Point
 from testbench.tracing.problem.predictor import Predictor
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Problem, Segment
@@ -62,10 +62,10 @@ def model(problem):
 
 def test_two_starts_agree_and_the_truth_is_covered():
     problem = Toy(11)
-    found = calibrate.calibrate(model(problem), starts=3)
+    found = posterior_fit.calibrate(model(problem), starts=3)
     assert found.converged
-    assert found.fit.decrement < calibrate.CONVERGED
-    assert max(found.costs) - min(found.costs) < calibrate.AGREED
+    assert found.fit.decrement < posterior_fit.CONVERGED
+    assert max(found.costs) - min(found.costs) < posterior_fit.AGREED
     pull = (found.fit.point.theta - problem.theta) / found.fit.sd
     assert np.abs(pull).max() < 4.5
     assert np.abs(pull).max() > 0.01  # sd that are far too wide would hide everything
@@ -75,7 +75,7 @@ def test_pulls_have_unit_width():
     pulls = []
     for seed in range(25):
         problem = Toy(seed)
-        fit = calibrate.fit(model(problem), model(problem).start())
+        fit = posterior_fit.fit(model(problem), model(problem).start())
         pulls.append((fit.point.theta - problem.theta) / fit.sd)
     assert 0.8 < np.std(pulls) < 1.2  # 125 pulls: 0.063 a sigma
 
@@ -88,7 +88,7 @@ def test_intervals_know_of_what_repeats_share(shared, narrow):
         common = {s.group: np.sqrt(shared) * problem.noise_draw(0, rng) for s in problem.segments}
         problem._y = [y + common[s.group] for y, s in zip(problem._y, problem.segments)]
         asked = Model(Space(problem, "fit"), Predictor(problem), ("duffing",))
-        fit = calibrate.fit(asked, asked.start())
+        fit = posterior_fit.fit(asked, asked.start())
         off.append((fit.point.c[0] - 0.3) / np.sqrt([fit.covariance[-1, -1], fit.interval_covariance[-1, -1]]))
     # repeats' own and shared variance are alike: their mean has 1.5 of it, their scatter says 0.5
     fitted, told = np.std(off, axis=0)
@@ -97,7 +97,7 @@ def test_intervals_know_of_what_repeats_share(shared, narrow):
 
 
 def test_a_fit_that_stops_early_is_not_certified_and_nothing_is_named(monkeypatch):
-    monkeypatch.setattr(calibrate, "MOST_ITERATIONS", 0)
+    monkeypatch.setattr(posterior_fit, "MOST_ITERATIONS", 0)
     result = trace(Toy(5, {"feed": 0.4}), Options(n_null=299, power=False, experiments=False))
     assert not result.certificates["calibration"]["converged"]
     assert result.verdict != "named"
@@ -105,7 +105,7 @@ def test_a_fit_that_stops_early_is_not_certified_and_nothing_is_named(monkeypatc
 
 def test_a_gauge_direction_does_not_stop_the_fit_and_is_named_in_words():
     problem = Gauge()
-    found = calibrate.calibrate(model(problem))
+    found = posterior_fit.calibrate(model(problem))
     assert found.converged
     a, b = found.fit.point.theta[:2]
     assert a * b == pytest.approx(1.17, abs=0.02)
@@ -119,7 +119,7 @@ def test_a_gauge_direction_does_not_stop_the_fit_and_is_named_in_words():
 
 def test_what_nothing_fixes_is_said_and_has_no_finite_error():
     problem = Gauge(prior=(math.inf, math.inf))
-    found = calibrate.calibrate(model(problem))
+    found = posterior_fit.calibrate(model(problem))
     assert found.fit.point.theta[:2].prod() == pytest.approx(1.17, abs=0.02)
     assert np.isinf(found.fit.sd[:2]).all()
     assert identify.identify(found.fit).directions[0].fixed_by == "nothing"
@@ -155,7 +155,7 @@ def test_a_law_within_a_direction_that_only_a_prior_holds_is_not_named():
 def test_a_start_that_cannot_be_predicted_is_a_failed_fit():
     problem = Gauge()
     bad = Point(np.array([1.0, 1.0, 90.0, 0.0]), np.zeros(0))
-    assert calibrate.fit(model(problem), bad).failed == "tau"
+    assert posterior_fit.fit(model(problem), bad).failed == "tau"
 
 
 def test_options_are_immutable():

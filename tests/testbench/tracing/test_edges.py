@@ -9,8 +9,8 @@ import pytest
 from testbench.errors import ConfigError
 from testbench.tracing.figures import all_figures
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Problem, Segment
-from testbench.tracing.report import html
 from testbench.tracing.trace import Options, Tracer, trace
+from testbench.tracing.trace_report import html
 from tests.testbench.tracing.toys import LAWS, Toy
 
 QUICK = Options(n_null=199)

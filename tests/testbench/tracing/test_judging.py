@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, multivariate_normal
 
-from testbench.tracing import report
+from testbench.tracing import trace_report
 from testbench.tracing.figures import all_figures
 from testbench.tracing.fit import discover, heldout
 from testbench.tracing.fit.heldout import FLOOR_FACTOR, bootstrap, mean_square_p, predictive_log_odds
@@ -229,7 +229,7 @@ def test_input_estimates_of_the_problem_are_used():
 def test_the_page_is_whole_and_needs_nothing_else():
     tracer = Tracer(Toy(5, {"feed": 0.2}), Options(n_null=299), None, None)
     result = tracer.run()
-    page = report.html(result, all_figures(tracer))
+    page = trace_report.html(result, all_figures(tracer))
     assert page.count("data:image/png;base64,") == 7
     assert not re.search(r"(src|href)=\"http", page)
     assert "<script" not in page

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError, FileError
-from testbench.tracing.problem import checkpoint
-from testbench.tracing.problem.checkpoint import Store, digest
+from testbench.tracing.problem import trace_checkpoint
 from testbench.tracing.problem.predictor import Failed, Predictor
 from testbench.tracing.problem.problem import PredictionFailed
+from testbench.tracing.problem.trace_checkpoint import Store, digest
 from testbench.tracing.trace import Options, trace
 from tests.testbench.tracing.toys import Toy
 
@@ -137,7 +137,7 @@ def test_a_failure_is_remembered_too(tmp_path):
 @pytest.mark.slow
 def test_work_of_other_sources_is_computed_again(tmp_path, monkeypatch):
     whole = trace(problem(), OPTIONS, checkpoint=tmp_path).text()
-    monkeypatch.setattr(checkpoint, "code_sha256", lambda: "0" * 64)
+    monkeypatch.setattr(trace_checkpoint, "code_sha256", lambda: "0" * 64)
     again, asked = problem(), []
     plain = again.predict
     again.predict = lambda points, which: asked.append(len(points)) or plain(points, which)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
-from testbench.tracing.fit import calibrate, rank
+from testbench.tracing.fit import posterior_fit, rank
 from testbench.tracing.fit.refit import discontinuous, refit
-from testbench.tracing.noise import alarms, noise
+from testbench.tracing.noise import alarms, noise_model
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Predictor
 from testbench.tracing.problem.problem import Law, Nuisance, PredictionFailed
@@ -19,7 +19,7 @@ QUICK = Options(n_null=299, power=False, experiments=False)
 
 def base(problem):
     m = Model(Space(problem, "fit"), Predictor(problem))
-    return calibrate.fit(m, m.start())
+    return posterior_fit.fit(m, m.start())
 
 
 class Extended(Toy):
@@ -232,7 +232,7 @@ def test_the_rotation_alarm_keeps_its_level_under_any_noise_colour():
 
 def test_refined_noise_finds_the_flicker_and_where():
     space = Space(Toy(2, flicker=3.0, repeats=4), "fit")
-    found = noise.study_noise([space], np.random.default_rng(0))
+    found = noise_model.study_noise([space], np.random.default_rng(0))
     assert found.p < 1e-6
     slow = [o for o in found.octaves if o.first == 0]
     fast = [o for o in found.octaves if o.first >= 3]

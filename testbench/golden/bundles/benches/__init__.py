@@ -7,7 +7,15 @@ Source  docs/golden.md, docs/conventions.md (rows)
 """
 
 from testbench.golden.bundles.benches.cocotb import cocotb_test, cocotb_top
-from testbench.golden.bundles.benches.layout import PARTS, RESET_CYCLES, SHOWN, half_ps, results, rom_name, slices  # noqa: F401
+from testbench.golden.bundles.benches.layout import (  # noqa: F401
+    PARTS,
+    REPORTED_ROWS,
+    RESET_CYCLES,
+    half_ps,
+    result_pairs,
+    rom_name,
+    slices,
+)
 from testbench.golden.bundles.benches.makefile import check_script, core, core_name, makefile
 from testbench.golden.bundles.benches.params import params_pkg, params_svh, params_vh, rom_files, vhdl_type  # noqa: F401
 from testbench.golden.bundles.benches.verilog import dut_instance, span, verilog_bench  # noqa: F401

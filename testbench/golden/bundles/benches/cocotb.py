@@ -3,7 +3,15 @@
 Source  docs/golden.md (using a bench in your own flow)
 """
 
-from testbench.golden.bundles.benches.layout import PARTS, SHOWN, block_levels, counted, half_ps, input_ports, results
+from testbench.golden.bundles.benches.layout import (
+    PARTS,
+    REPORTED_ROWS,
+    block_levels,
+    counted,
+    half_ps,
+    input_ports,
+    result_pairs,
+)
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.benches.verilog import dut_instance, span
 
@@ -11,7 +19,7 @@ from testbench.golden.bundles.benches.verilog import dut_instance, span
 def cocotb_top(block, case):
     """The design with the case's parameters, as the top level of cocotb."""
     ports = ["    input wire clk", *(f"    input wire {span(p.width)}{n}" for n, p in input_ports(block))]
-    ports += [f"    output wire {span(p.width)}{n}" for n, p in results(block)]
+    ports += [f"    output wire {span(p.width)}{n}" for n, p in result_pairs(block)]
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
 module cocotb_{block.stem} (
@@ -32,7 +40,7 @@ def cocotb_test(block, case):
         stem=block.stem,
         sources=repr((*PARTS.get(block.stem, ()), block.stem)),
         half_ps=half_ps(block),
-        shown=SHOWN,
+        shown=REPORTED_ROWS,
         ports=repr({level: counted(block, level) for level in block_levels(block)}),
         default="registers",
     )

@@ -9,7 +9,7 @@ from testbench.golden.stimulus import levels
 from testbench.golden.stimulus.blocks import BLOCKS, RESET_INPUT, case_parameters
 
 RESET_CYCLES = 2
-SHOWN = 10  # rows that a bench reports in full
+REPORTED_ROWS = 10  # rows that a bench reports in full
 
 
 def _parts():
@@ -43,7 +43,7 @@ def rom_parameters(block):
     return {"ROM_FILE": rom_name(block)} if block.roms else {}
 
 
-def results(block):
+def result_pairs(block):
     """(RTL port, Port) of everything compared: registers, then outputs."""
     return [(f"r_{p.name}", p) for p in block.registers] + [(f"o_{p.name}", p) for p in block.pins]
 
@@ -62,7 +62,7 @@ def block_levels(block):
 
 def compared_names(block, level):
     """Names of the ports that a level judges."""
-    return [name for name, _ in results(block)] if level == "registers" else levels.levels_entry(block)[level]
+    return [name for name, _ in result_pairs(block)] if level == "registers" else levels.levels_entry(block)[level]
 
 
 def counted(block, level):
@@ -74,7 +74,7 @@ def counted(block, level):
 def level_mask(block, level):
     """Packed word with a 1 in every bit that a level judges."""
     names, word = compared_names(block, level), 0
-    for name, port in results(block):
+    for name, port in result_pairs(block):
         word = word << port.width | ((1 << port.width) - 1) * (name in names)
     return word
 
@@ -108,9 +108,9 @@ def constants(block, count):
         ("RESET_CYCLES", RESET_CYCLES),
         ("HALF_PS", half_ps(block)),
         ("IN_WIDTH", total_width(input_ports(block))),
-        ("OUT_WIDTH", total_width(results(block))),
+        ("OUT_WIDTH", total_width(result_pairs(block))),
     ]
     entries += [(f"W_{name}", port.width) for name, port in input_ports(block)]
-    entries += [(f"W_{name}", port.width) for name, port in results(block)]
+    entries += [(f"W_{name}", port.width) for name, port in result_pairs(block)]
     entries += [(f"LATENCY_{name}", clocks) for name, clocks in block.latency.items() if isinstance(clocks, int)]
     return entries

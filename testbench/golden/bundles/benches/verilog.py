@@ -4,12 +4,12 @@ Source  docs/golden.md (rows)
 """
 
 from testbench.golden.bundles.benches.layout import (
-    SHOWN,
+    REPORTED_ROWS,
     compared_names,
     counted,
     input_ports,
     level_mask,
-    results,
+    result_pairs,
     rom_parameters,
     set_params,
     slices,
@@ -30,7 +30,7 @@ def dut_instance(block, case, inputs):
     pins, outputs = (compared_names(block, level) for level in ("pins", "outputs"))
     ports += [f".{name}({name})" for name in pins]
     output_lines = [f"        , .{name}({name})" for name in outputs if name not in pins]
-    register_lines = [f"        , .{name}({name})" for name, _ in results(block) if name not in outputs]
+    register_lines = [f"        , .{name}({name})" for name, _ in result_pairs(block) if name not in outputs]
     joined = "\n".join([",\n        ".join(ports), "`ifndef LEVEL_PINS", *output_lines, "`ifndef LEVEL_OUTPUTS",
                         *register_lines, "`endif", "`endif"])  # fmt: skip
     head = f"{block.module} #(\n        {(',' + chr(10) + '        ').join(generics)}\n    ) dut" if generics else ""
@@ -39,7 +39,7 @@ def dut_instance(block, case, inputs):
 
 def verilog_bench(block, case):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
-    inputs, result_ports = input_ports(block), results(block)
+    inputs, result_ports = input_ports(block), result_pairs(block)
     nets = [f"    wire {span(p.width)}s_{n} = now[{hi}:{lo}];" for n, p, hi, lo in slices(inputs)]
     nets += [f"    wire {span(p.width)}{n};" for n, p in result_ports]
     shows = [
@@ -55,7 +55,7 @@ def verilog_bench(block, case):
         packed=", ".join(n for n, _ in result_ports),
         instance=dut_instance(block, case, lambda name: f"s_{name}"),
         shows="\n".join(shows),
-        shown=SHOWN,
+        shown=REPORTED_ROWS,
         **{
             f"mask_{level}": f"{total_width(result_ports)}'h{level_mask(block, level):x}"
             for level in ("pins", "outputs")

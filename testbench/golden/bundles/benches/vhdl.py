@@ -4,12 +4,12 @@ Source  docs/golden.md (rows)
 """
 
 from testbench.golden.bundles.benches.layout import (
-    SHOWN,
+    REPORTED_ROWS,
     compared_names,
     counted,
     input_ports,
     level_mask,
-    results,
+    result_pairs,
     rom_parameters,
     slices,
     total_width,
@@ -27,7 +27,7 @@ def _level_constants(block):
     """Constants of a level: those of the others are comments, or go."""
     word = "constant JUDGED : std_logic_vector(OUT_WIDTH - 1 downto 0) := {};"
     text = 'constant COUNTED : string := "{}";'
-    width = total_width(results(block))
+    width = total_width(result_pairs(block))
     for level in ("registers", "outputs", "pins"):
         bits = "(others => '1')" if level == "registers" else f'"{level_mask(block, level):0{width}b}"'
         for line in (word.format(bits), text.format(counted(block, level))):
@@ -36,7 +36,7 @@ def _level_constants(block):
 
 def component(block, case, fed):
     """Declaration and instance of the design for a template: inputs come from signal `fed`, results go to `got`."""
-    inputs, result_ports, params = input_ports(block), results(block), case_parameters(block, case)
+    inputs, result_ports, params = input_ports(block), result_pairs(block), case_parameters(block, case)
     generics = [f"            {key} : natural" for key in block.design_keys]
     generics += [f"            {key} : {vhdl_type(fmt.width)}" for key, _, fmt in params]
     maps = [f"            {key} => P_{key}" for key in (*block.design_keys, *(key for key, _, _ in params))]
@@ -72,6 +72,6 @@ def vhdl_bench(block, case):
     """Self-checking VHDL-2008 bench; `finished` and `errors` are for a surrounding bench."""
     shows = [
         f'                    tell("{n}", n, got({hi} downto {lo}), want({hi} downto {lo}), care({hi} downto {lo}));'
-        for n, p, hi, lo in slices(results(block))
+        for n, p, hi, lo in slices(result_pairs(block))
     ]
-    return filled("block.vhd.in", **component(block, case, "now"), shows="\n".join(shows), shown=SHOWN)
+    return filled("block.vhd.in", **component(block, case, "now"), shows="\n".join(shows), shown=REPORTED_ROWS)

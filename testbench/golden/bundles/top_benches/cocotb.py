@@ -7,7 +7,7 @@ from analog_frontend.parts import adc_serial
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import PARTS
 from testbench.golden.bundles.benches.template import filled
-from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, PART_BITS, SHOWN_ROWS, sent_slices
+from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, PART_BITS, REPORTED_ROWS, sent_slices
 from testbench.golden.recording import signature
 
 
@@ -19,7 +19,7 @@ def cocotb_test(block, case):
     for high, low in slices:
         size -= high - low + 1
         fields.append(f"(word >> {low} & {2 ** (high - low + 1) - 1:#x}) << {size}")
-    width = sum(p.width for _, p in benches.results(block))
+    width = sum(p.width for _, p in benches.result_pairs(block))
     return filled(
         "top_test.py.in",
         stem=stem,
@@ -35,5 +35,5 @@ def cocotb_test(block, case):
         power=signature.POWER,
         taps=signature.TAPS,
         parts=-(-width // PART_BITS),
-        shown=SHOWN_ROWS,
+        shown=REPORTED_ROWS,
     )

@@ -15,7 +15,7 @@ ADC_BITS = CLOCK_BITS + adc_serial.WORDS * adc_serial.WORD_BITS
 HOST_BITS = CLOCK_BITS + 4 + 8 + 48
 SAR_BITS = 36
 GROUP = 15  # ports, about the root of their number
-SHOWN_ROWS = 2  # reported in full: each may have two hundred ports
+REPORTED_ROWS = 2  # reported in full: each may have two hundred ports
 PART_BITS = 1024  # of a word that cocotb reads; Verilator's VPI gives 2048 at most
 # Frames that a simulator runs unless FRAMES is given: half a minute or so of each
 DEFAULT_FRAMES = {"icarus": 300, "verilator": 0, "ghdl": 20, "cocotb": 20, "cocotb-verilator": 60, "vunit": 20}

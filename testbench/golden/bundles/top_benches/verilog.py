@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 """
 
 from testbench.golden.bundles import benches
-from testbench.golden.bundles.benches import SHOWN
+from testbench.golden.bundles.benches import REPORTED_ROWS
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, pin_conditions, sent_slices
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
@@ -101,7 +101,7 @@ def _nets(block, clocks):
             f"    reg [{most.bit_length() - 1}:0] age = 0;  // clocks since a reset",
             f"    always @(posedge clk) age <= rst ? 0 : age == {most} ? age : age + 1;",
         ]
-    for n, p in benches.results(block):
+    for n, p in benches.result_pairs(block):
         if n not in masked:
             lines.append(f"    wire {benches.span(p.width)}{n};")
             continue
@@ -125,7 +125,7 @@ def _instance(block, case, clocks):
 
 def verilog_bench(block, case, counts, clocks=None):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
-    result_ports = benches.results(block)
+    result_ports = benches.result_pairs(block)
     inputs = [(p.name, p) for p in block.columns]
     row_bits, size = signature.padded_width(counts["out_width"]), 64 * signature.WORDS
     two, eight = _backs()
@@ -157,7 +157,7 @@ def verilog_bench(block, case, counts, clocks=None):
         twice_top=row_bits + two + eight - 1,
         size=size,
         rest_top=size - 1,
-        shown=SHOWN,
+        shown=REPORTED_ROWS,
         shown_rows=counts["shown_rows"],
         count=len(result_ports),
     )
@@ -165,7 +165,7 @@ def verilog_bench(block, case, counts, clocks=None):
 
 def cocotb_top(block, case, clocks=None):
     """The design with the case's parameters as the top level of cocotb; all results side by side, in parts."""
-    result_ports = benches.results(block)
+    result_ports = benches.result_pairs(block)
     width = sum(p.width for _, p in result_ports)
     parts = range(-(-width // PART_BITS))
     assigns = [f"    assign got_{k} = got[{PART_BITS * (k + 1) - 1}:{PART_BITS * k}];" for k in parts]

@@ -4,14 +4,14 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 """
 
 from testbench.golden.bundles import benches
-from testbench.golden.bundles.benches import SHOWN
+from testbench.golden.bundles.benches import REPORTED_ROWS
 from testbench.golden.bundles.benches.template import filled
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, pin_conditions, sent_slices
 from testbench.golden.recording import signature
 
 
 def _high_bit(block, name):
-    return next(hi for n, _, hi, _ in benches.slices(benches.results(block)) if n == name)
+    return next(hi for n, _, hi, _ in benches.slices(benches.result_pairs(block)) if n == name)
 
 
 def _read(block, clocks):
@@ -27,7 +27,7 @@ def _read(block, clocks):
             f"            elsif age < {most} then", "                age <= age + 1;",
             "            end if;", "        end if;", "    end process;",
         ]  # fmt: skip
-    for n, p, hi, lo in benches.slices(benches.results(block)):
+    for n, p, hi, lo in benches.slices(benches.result_pairs(block)):
         if n not in masked:
             continue
         bit_slice = benches.vhdl_slice(p.width, hi, lo)
@@ -45,7 +45,7 @@ def _read(block, clocks):
 
 def vhdl_bench(block, case, counts, clocks=None):
     """The same in VHDL-2008; `finished` and `errors` are for a surrounding bench."""
-    inputs, result_ports = [(p.name, p) for p in block.columns], benches.results(block)
+    inputs, result_ports = [(p.name, p) for p in block.columns], benches.result_pairs(block)
     input_bits = {n: (hi, lo) for n, _, hi, lo in benches.slices(inputs)}
     pins = {n: hi for n, _, hi, _ in benches.slices(result_ports)}
     shows = [
@@ -89,6 +89,6 @@ def vhdl_bench(block, case, counts, clocks=None):
         sclk=pins["o_adc_sclk"],
         **{key: input_bits[key][0] for key in ("rst", "write", "drdy_n", "dout")},
         **{key: "({} downto {})".format(*input_bits[key]) for key in ("address", "data", "sample_x", "sample_y")},
-        shown=SHOWN,
+        shown=REPORTED_ROWS,
         shown_rows=counts["shown_rows"],
     )

@@ -4,7 +4,7 @@ smooth   s = sum_k c_k x^k, k = 0 .. 3                                          
 poles    s = (c0 + c1 x + c2 x^2) / (1 + c3 x + c4 x^2): any two poles, no smoothness             5
 bent     a pole that moves with |s|^2, up to its fold and over the jump: the cubic                7
          c0 + c1 x + c2 x^2 + c3 x s + c4 s* + c5 s^2 + c6 |s|^2 + c7 s |s|^2 = s
-judged   by the curve that its neighbours bear out best, and by those within NEAR of it; no row is in its own curve
+judged   by the curve that its neighbours support best, and by those within AGREEMENT_FACTOR of it, without its own row
 error    the rest of the neighbours, or the noise of the rows around, times sqrt(1 + what the prediction adds)
 Source   Levy, Trans. IRE AC-4 (1959) 37, with the weights of Sanathanan and Koerner, IEEE Trans. AC-8 (1963) 56
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.measured.quality.rows.series import running_scale
 
-NEAR = 3.0
+AGREEMENT_FACTOR = 3.0
 MISFIT = 1.5  # a rest beyond the noise is no chance: it may be as much larger one row on
 RAYLEIGH = 0.6745 / np.sqrt(np.log(2.0))  # rms of a complex normal value over its `series.robust`
 FEWEST = 9
@@ -82,5 +82,5 @@ def off_curve(f, s, floor=0.0):
     best = np.argmin(neighbour_rms * gain, axis=0), np.arange(n)
     noise = np.maximum(RAYLEIGH * running_scale(off[best] / gain[best]), floor)
     error = np.maximum(MISFIT * neighbour_rms, noise) * gain
-    counts = error <= NEAR * np.min(error, axis=0)
+    counts = error <= AGREEMENT_FACTOR * np.min(error, axis=0)
     return np.min(np.where(counts, off / error, np.inf), axis=0)

@@ -15,7 +15,7 @@ TAPS = 8
 MOST_FITTED = 5_000
 MOST_STEPS = 300  # between values that a grid is found from; all values must lie on it
 HALF = 40  # rows on either side that give a scale
-BESIDE = 11  # changes around a row: how fast it moves there
+PACE_ROWS = 11  # changes around a row: how fast it moves there
 SURE = 4.0  # robust sd beyond the largest of as many normal values
 
 
@@ -35,8 +35,8 @@ def _fits(distinct, step, error):
 
 def _decimal(distinct, error):
     """Last decimal place of numbers that were printed with a fixed one; 0: none."""
-    places = range(3, -16, -1)
-    return next((10.0**k for k in places if 10.0**k > 30 * error and _fits(distinct, 10.0**k, error)), 0.0)
+    exponents = range(3, -16, -1)
+    return next((10.0**k for k in exponents if 10.0**k > 30 * error and _fits(distinct, 10.0**k, error)), 0.0)
 
 
 def _estimate_grid(distinct, error):
@@ -148,7 +148,7 @@ def ties_expected(v):
     if np.any(change == 0):  # ties are those of a grid, of one that floats where there is none for all
         step = np.maximum(step, local_step(v)[:-1])
     step = np.maximum(step, 1e-6 * running_scale(change))
-    pace = uniform_filter1d(change, BESIDE, mode="nearest") / step  # of steps; of noise, or of a slow course
+    pace = uniform_filter1d(change, PACE_ROWS, mode="nearest") / step  # of steps; of noise, or of a slow course
     p = np.maximum.reduce([1 - pace, 1 / (3.1 * np.maximum(pace, 0.1)), step / (3.5 * running_scale(change))])
     return float(np.sum(np.minimum(1.0, p)))
 

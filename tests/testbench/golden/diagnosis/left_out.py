@@ -21,8 +21,8 @@ import numpy as np
 from fpga_model.design_record import DEFAULT
 from testbench.golden.bundles import bundle, export
 from testbench.golden.check import diagnose
-from testbench.golden.diagnosis import condition_hypotheses, elaborate, perturb, simulate, value_hypotheses
-from testbench.golden.diagnosis.rows import Rows
+from testbench.golden.diagnosis import condition_hypotheses, elaborate, perturb, simulate_faults, value_hypotheses
+from testbench.golden.diagnosis.node_rows import Rows
 from tests.testbench.golden.diagnosis import rtl_faults
 
 TRIED = 6  # hypotheses that are run for one that shows
@@ -65,12 +65,12 @@ def read(folder, stem):
 def columns(block, h):
     """{register or pin: column} of the block with a hypothesis."""
     net, rows = block.net, []
-    with mock.patch.object(simulate, "_differs", lambda shown, _: rows.append(shown)):
-        if simulate.adds_a_register(net, h.by):
-            by, (run, held) = None, simulate.compile_block(net, h.site, h.by, list(net.roots))
+    with mock.patch.object(simulate_faults, "_differs", lambda shown, _: rows.append(shown)):
+        if simulate_faults.adds_a_register(net, h.by):
+            by, (run, held) = None, simulate_faults.compile_block(net, h.site, h.by, list(net.roots))
         else:
-            by = simulate.compile_node(net, h.by)
-            run, held = simulate.compile_block(net, h.site, None, list(net.roots))
+            by = simulate_faults.compile_node(net, h.by)
+            run, held = simulate_faults.compile_block(net, h.site, None, list(net.roots))
     count, golden = len(block.inputs["rst"]), Rows(net, block.leaves, len(block.inputs["rst"]))
     given = np.stack([block.inputs[n.value] for n in inputs_of(net)], axis=1).tolist()
     state = tuple(int(block.expected[name][0]) for name, root in net.roots.items() if root.op == "next")

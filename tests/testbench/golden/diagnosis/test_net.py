@@ -7,7 +7,7 @@ import pytest
 
 from fpga_model import fixed
 from fpga_model.block import python_function
-from testbench.golden.diagnosis import elaborate, net, rows, simulate
+from testbench.golden.diagnosis import elaborate, net, node_rows, simulate_faults
 from testbench.golden.stimulus import blocks
 from tests.testbench.golden.benching import made
 
@@ -25,7 +25,7 @@ def test_the_graph_of_a_block_gives_every_golden_row(stem):
     graph = elaborate.block_net(stem, {name: raw for name, raw, _ in blocks.case_parameters(block, case)}, block.record)
     leaves = {("in", p.name): column for p, column in zip(block.columns, stim.T)}
     leaves |= {("reg", p.name): column for p, column in zip(block.registers, registers.T)}
-    found = rows.Rows(graph, leaves, len(stim))
+    found = node_rows.Rows(graph, leaves, len(stim))
     assert leaves["in", "rst"].any()
     assert set(graph.roots) == {p.name for p in (*block.registers, *block.pins)}
     for p, column in zip(block.registers, registers.T):
@@ -57,9 +57,9 @@ def test_the_source_of_a_shift_by_any_amount_is_its_column(op):
     node = graph.node(op, (x, amount))
     columns = {"amount": [-3, 1, 5, 62, 1 << 40], "x": [1, -1, 1, -1, 1]}
     leaves = {("in", name): np.array(column) for name, column in columns.items()}
-    by = simulate.compile_node(graph, node)
+    by = simulate_faults.compile_node(graph, node)
     found = [by((), given) for given in zip(columns["amount"], columns["x"])]
-    assert found == rows.Rows(graph, leaves, 5).node_column(node).tolist()
+    assert found == node_rows.Rows(graph, leaves, 5).node_column(node).tolist()
 
 
 def test_a_held_node_is_a_register_with_enable_and_reset():
@@ -69,7 +69,7 @@ def test_a_held_node_is_a_register_with_enable_and_reset():
     columns = {"load": [1, 0, 1, 1, 0, 1], "x": [3, 4, 5, 6, 7, 8], "rst": [0, 0, 0, 1, 0, 0]}
     leaves = {("in", name): np.array(column) for name, column in columns.items()}
     register = graph.enabled_register(load, x, -1)
-    assert rows.Rows(graph, leaves, 6).node_column(register).tolist() == [-1, 3, 3, 5, -1, -1]
+    assert node_rows.Rows(graph, leaves, 6).node_column(register).tolist() == [-1, 3, 3, 5, -1, -1]
 
 
 def test_an_odd_node_changes_with_each_load_and_a_late_reset_has_no_reset():
@@ -78,7 +78,7 @@ def test_an_odd_node_changes_with_each_load_and_a_late_reset_has_no_reset():
     rst = graph.leaf("in", "rst", fixed.bits(1))
     columns = {"load": [1, 0, 1, 1, 0, 1], "rst": [0, 0, 0, 1, 0, 0]}
     leaves = {("in", name): np.array(column) for name, column in columns.items()}
-    found = rows.Rows(graph, leaves, 6)
+    found = node_rows.Rows(graph, leaves, 6)
     assert found.node_column(graph.odd(load)).tolist() == [0, 1, 1, 0, 0, 0]
     assert found.node_column(graph.delayed_reset(rst, 1)).tolist() == [1, 0, 0, 0, 1, 0]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from fpga_model import rate_output
 from testbench.golden.bundles.benches import PARTS
-from testbench.golden.mutation import aig, judge, mutate
+from testbench.golden.mutation import aig, mutant_judge, mutate
 from testbench.golden.mutation.miter import Net
 from testbench.tool import run_tool
 from tests.testbench.golden.diagnosis import first_row, rtl_faults
@@ -121,7 +121,9 @@ def proved(folder, manifest, text):
             for name, source in (("gold", rtl_faults.source(stem)), ("gate", text))
         )
         graph, reset = joined(gold, gate, STEADY.get(stem))
-        judged = judge.Judge(graph, mutate.SELECT, reset, stem, work, lambda: mutate.proven_register_ranges(manifest))
+        judged = mutant_judge.Judge(
+            graph, mutate.SELECT, reset, stem, work, lambda: mutate.proven_register_ranges(manifest)
+        )
         return judged.verdict(1)
 
 

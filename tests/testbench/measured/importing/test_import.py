@@ -15,7 +15,7 @@ from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_noise, loop_record, loop_runs
 from testbench.measured.importing import assemble, dwells
 from testbench.measured.importing.record_map import Dwells
-from testbench.measured.record import checks, load, schema
+from testbench.measured.record import checks, load_record, schema
 from testbench.measured.record.sessions import sessions
 from testbench.measured.residual import features, residuals
 from testbench.storage.record import write_record
@@ -100,7 +100,7 @@ def test_the_command_writes_what_the_check_accepts(board, tmp_path):
     done = gyro("measured", "import", "data.csv", "--map", "map.toml", "-o", "bench.h5", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "assumed: every recorded conversion was good (adc_ok)" in done.stdout
-    loaded = load.load(tmp_path / "bench.h5")
+    loaded = load_record.load(tmp_path / "bench.h5")
     assert loaded.residual.verdict.startswith("R0 is 0 LSB")
 
 
@@ -194,7 +194,7 @@ def test_a_late_start_is_told_and_goes_on(board, tmp_path, case):
     assert wanted in found.lacking
     assert set(found.record.streams) == set(ADC)
     write_record(tmp_path / "late.h5", found.record)
-    loaded = load.load(tmp_path / "late.h5")
+    loaded = load_record.load(tmp_path / "late.h5")
     assert "R0 not decidable: frame 0 is no power-on" in loaded.residual.verdict
     done = gyro("measured", "trace", tmp_path / "late.h5")
     assert done.returncode == 2
@@ -207,7 +207,7 @@ def test_a_decimated_file_is_told_and_goes_on(board, tmp_path):
     found = imported(tmp_path, table)
     assert "a row is 8 frames: no word can be replayed" in found.lacking
     write_record(tmp_path / "slow.h5", found.record)
-    assert not load.load(tmp_path / "slow.h5").blocked
+    assert not load_record.load(tmp_path / "slow.h5").blocked
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -220,7 +220,7 @@ def test_recorded_words_are_kept_and_compared(board, tmp_path, first):
     same_words(found, board)
     assert found.record.streams["nco_fword"].attrs["tap"] == "internal"
     write_record(tmp_path / "a.h5", found.record)
-    assert load.load(tmp_path / "a.h5").residual.first is None
+    assert load_record.load(tmp_path / "a.h5").residual.first is None
 
 
 def test_another_firmware_is_imported_with_its_words_and_r1_works(board, tmp_path):
@@ -231,7 +231,7 @@ def test_another_firmware_is_imported_with_its_words_and_r1_works(board, tmp_pat
     found = imported(tmp_path, table, text)
     assert "another firmware" in found.lacking
     write_record(tmp_path / "a.h5", found.record)
-    loaded = load.load(tmp_path / "a.h5")
+    loaded = load_record.load(tmp_path / "a.h5")
     assert "R0 not decidable: skipped, regmap_sha256 1111111111111111" in loaded.residual.verdict
     done = gyro("measured", "trace", tmp_path / "a.h5")
     assert done.returncode == 2

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.measured.importing import words
-from testbench.measured.record import load, schema
+from testbench.measured.importing import firmware_words
+from testbench.measured.record import load_record, schema
 from testbench.storage import record as records
 from testbench.storage.files import SEAL, seal, seal_holds
 from testbench.storage.record import RecordError
@@ -92,9 +92,9 @@ def contents(small):
 
 def test_a_record_of_another_writer_is_accepted_and_its_words_follow(small, tmp_path):
     other.write(tmp_path / "theirs.h5", *contents(small))
-    loaded = load.load(tmp_path / "theirs.h5")
+    loaded = load_record.load(tmp_path / "theirs.h5")
     assert loaded.findings == []
-    found, why = words.completed(loaded.record)
+    found, why = firmware_words.completed(loaded.record)
     assert why == ""
     assert np.array_equal(found.streams["amplitude_word"].data, small.streams["amplitude_word"].data)
 
@@ -107,4 +107,4 @@ def test_one_wrong_byte_of_another_writer_is_refused(small, tmp_path):
     with h5py.File(tmp_path / "theirs.h5", "a") as file:
         file["streams/adc_yQ"][17] += 1
     with pytest.raises(RecordError, match="R15 /streams/adc_yQ"):
-        load.load(tmp_path / "theirs.h5")
+        load_record.load(tmp_path / "theirs.h5")

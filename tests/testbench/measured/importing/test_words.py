@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from testbench.errors import ConfigError
-from testbench.measured.importing import words
-from testbench.measured.record import checks, load, schema
+from testbench.measured.importing import firmware_words
+from testbench.measured.record import checks, load_record, schema
 from testbench.measured.residual import features, residuals
 from testbench.storage.record import write_record
 
@@ -22,30 +22,30 @@ def test_words_from_the_codes_alone_are_those_that_the_board_had(small, tmp_path
     bare = codes_only(small)
     assert checks.check(bare) == []
     write_record(tmp_path / "bare.h5", bare)
-    loaded = load.load(tmp_path / "bare.h5")
+    loaded = load_record.load(tmp_path / "bare.h5")
     assert loaded.residual.verdict == "R0 not decidable: adc_ok is not recorded"
-    found, why = words.completed(loaded.record)
+    found, why = firmware_words.completed(loaded.record)
     assert why == ""
     first = [edge // 3250 for edge in small.tables["power_on"]["edge"].data]
     for name in small.streams.keys() & schema.REPLAYED.keys() - {"rate_output"}:
         have, wanted = found.streams[name], small.streams[name]
-        assert have.attrs["tap"] == words.REPLAYED
+        assert have.attrs["tap"] == firmware_words.REPLAYED
         assert (have.unit, have.num, have.den, have.edge0, have.data.dtype) == (*wanted[1:5], wanted.data.dtype)
         rows = np.ones(len(have.data), bool)
         rows[first] = name not in schema.DAC  # what the chips held before the first frame no replay knows
         assert np.array_equal(have.data[rows], wanted.data[rows]), name
     # the compensated rate needs the temperature
     assert small.streams.keys() - found.streams.keys() == {"adc_ok", "adc_temperature", "rate_output"}
-    assert words.lacking(found) == ()
+    assert firmware_words.lacking(found) == ()
 
 
 def test_what_tracing_needs_is_named():
-    assert {o.stream for o in features.OBSERVABLES.values()} == {*schema.ADC, *words.TRACED}
+    assert {o.stream for o in features.OBSERVABLES.values()} == {*schema.ADC, *firmware_words.TRACED}
 
 
 def test_a_complete_record_is_left_alone(small):
-    whole, _ = words.completed(small)
-    found, why = words.completed(whole)
+    whole, _ = firmware_words.completed(small)
+    found, why = firmware_words.completed(whole)
     assert found is whole
     assert why == ""
 
@@ -54,7 +54,7 @@ def test_without_a_power_on_no_word_follows(small):
     bare = codes_only(copy.deepcopy(small))
     for table in ("power_on", "gaps"):
         bare.tables[table] = {key: c._replace(data=c.data[:0]) for key, c in bare.tables[table].items()}
-    found, why = words.completed(bare)
+    found, why = firmware_words.completed(bare)
     assert found is bare
     assert why == "frame 0 is no power-on, and /initial does not name every register"
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from testbench.measured import sets_report
-from testbench.measured.exam import exam, intervals
+from testbench.measured.exam import exam, exam_intervals
 from testbench.measured.formats import registry
 from testbench.measured.openers import open_problem
 from testbench.measured.parts.part import Part
@@ -68,7 +68,7 @@ def coefficients(problem, names):
     """{coefficient: (value, stated sd)} of the laws that a problem has, fitted together."""
     names = [name for name in names if name in problem.laws_by_name()]
     fit = exam.fit_stages(problem, names)[-1] if isinstance(problem, Part) else fitted(problem, names)
-    own, sd = {n.name for n in problem.nuisances}, intervals.stated_sd(fit)
+    own, sd = {n.name for n in problem.nuisances}, exam_intervals.stated_sd(fit)
     found = enumerate(n.name for n in fit.model.problem.nuisances)
     return {n: (float(fit.point.theta[k]), float(sd[k])) for k, n in found if n not in own}
 

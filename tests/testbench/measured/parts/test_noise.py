@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.measured.models.noise import Noise
+from testbench.measured.models.row_noise import Noise
 
 
 def dense(a, sd, white_sd):

@@ -10,7 +10,7 @@ import pytest
 
 from testbench.measured import in_loop
 from testbench.measured.exam.part_page import is_unexplained
-from testbench.measured.exam.staged import SAME
+from testbench.measured.exam.staged import UNCHANGED_FACTOR
 
 sys.path.append(str(Path(__file__).resolve().parents[4] / "docs"))
 
@@ -46,7 +46,9 @@ def test_a_verdict_named_leaves_nothing_above_the_limit():
             rest = [part for part, h in job["heldout"].items() if is_unexplained(h)]
             found = job["verdict"] == "named in part"
             assert found == bool(rest and job["effects"]) or job["verdict"] in ("confounded", "candidate")
-            assert all(h["after"] <= SAME * h["before"] for h in job["heldout"].values()), "never worse than no law"
+            assert all(h["after"] <= UNCHANGED_FACTOR * h["before"] for h in job["heldout"].values()), (
+                "never worse than no law"
+            )
             assert set(rest) <= set(job["rest"]), "what is left has its test"
 
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbench.measured.exam import intervals, staged
-from testbench.measured.models.linear import Diagonal, LinearProblem, Stretch
+from testbench.measured.exam import exam_intervals, staged
+from testbench.measured.models.linear_problem import Diagonal, LinearProblem, Stretch
 from testbench.measured.models.part_problem import PartProblem
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 from testbench.tracing.trace import Tracer
@@ -84,6 +84,6 @@ def test_stated_deviations_know_a_rest_that_is_no_noise():
         problem = LinearProblem("slope", nuisances, (), [stretch], {"offset": [np.ones(n)], "slope": [x]}, {})
         tracer = Tracer(problem, staged.Options(max_laws=1, n_null=199, power=False, experiments=False), None, None)
         assert tracer.calibrate()
-        out.append(intervals.stated_sd(tracer.base.fit)[1] / tracer.base.fit.sd[1])
+        out.append(exam_intervals.stated_sd(tracer.base.fit)[1] / tracer.base.fit.sd[1])
     assert out[0] < 1.5
     assert out[1] > 2.0

@@ -7,7 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from testbench.errors import FileError
-from testbench.measured.formats.table import numbers, read_table
+from testbench.measured.formats.table import numeric_columns, read_table
 
 T, V = np.arange(5.0) / 8000, np.array([1.5, -2.25, 3e-9, 0.0, 7.0])
 
@@ -21,7 +21,7 @@ def test_every_form_gives_the_same_columns(tmp_path):
     np.savez(tmp_path / "n.npz", t=T, v=V)
     savemat(tmp_path / "m.mat", {"t": T, "v": V[:, None]})
     for path in tmp_path.iterdir():
-        found = numbers(path, read_table(path), ("t", "v"))
+        found = numeric_columns(path, read_table(path), ("t", "v"))
         assert np.array_equal(found["t"], T), path
         assert np.array_equal(found["v"], V), path
 
@@ -32,14 +32,14 @@ def test_columns_without_names_texts_and_empty_cells(tmp_path):
     assert list(found) == ["1", "2"]
     assert np.isnan(found["2"][1])
     with pytest.raises(FileError, match="'2': row 2 is empty"):
-        numbers("a", found, ("2",))
+        numeric_columns("a", found, ("2",))
     (tmp_path / "b").write_text("when;v\n2020-01-01;1\n2020-01-02;2,5\n")
     found = read_table(tmp_path / "b")
     assert found["when"].tolist() == ["2020-01-01", "2020-01-02"]
     with pytest.raises(FileError, match=r"'v': '2,5' is no number"):
-        numbers("b", found, ("v",))
+        numeric_columns("b", found, ("v",))
     with pytest.raises(FileError, match="no column 'w'; there are when, v"):
-        numbers("b", found, ("w",))
+        numeric_columns("b", found, ("w",))
 
 
 def test_an_array_of_axes_is_split_by_its_shorter_side(tmp_path):
@@ -49,7 +49,7 @@ def test_an_array_of_axes_is_split_by_its_shorter_side(tmp_path):
     assert list(found) == ["x[0]", "x[1]", "fs"]
     assert np.array_equal(found["x[1]"], counts[1])
     with pytest.raises(FileError, match="different lengths"):
-        numbers("n", found, ("x[0]", "fs"))
+        numeric_columns("n", found, ("x[0]", "fs"))
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ class Progress:
     def add(self, outcome):
         """A point has ended."""
         self.failed += outcome.status == work.FAILED
-        self.done += outcome.status in (work.DONE, work.FOUND)
+        self.done += outcome.status in (work.FINISHED, work.FINISHED_ELSEWHERE)
         self.simulated_s += outcome.simulated_s
         for name, value in outcome.numbers.items():
             if isinstance(value, (int, float)) and math.isfinite(value):

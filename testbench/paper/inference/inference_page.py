@@ -4,8 +4,8 @@ Source    docs/inference.md
 """
 
 from testbench.console.report import BLUE, GREY, VERMILION, make_axes, name_axes, write_html
-from testbench.console.table import Table
-from testbench.paper.inference import study
+from testbench.console.text_table import Table
+from testbench.paper.inference import inference_study
 
 NOTHING = 1e-12  # what rounding leaves of a difference
 YES = {True: "yes", False: "no"}
@@ -23,7 +23,7 @@ def summary(results):
     inside = sum(r["inside"] for r in results["held_out"])
     sure = [
         f"{c['name']} = {value}" for c in results["choices"] for value, p in c["probability"].items()
-        if p > 1 - study.EXCLUDED
+        if p > 1 - inference_study.EXCLUDED
     ]  # fmt: skip
     wrong = [f"{c['group']} ({c['fold']})" for c in results["classes"] if c["verdict"] == "contradicted"]
     best, turned = results["measurements"][0], results["other_sign"]
@@ -31,7 +31,7 @@ def summary(results):
     return [
         f"chi2 of 19 fitted rows: {before:.4g} of the default board, {after:.3g} of the most probable board.",
         f"{inside} of {len(results['held_out'])} held-out predictions are within their 90 % interval.",
-        f"Decided, above {1 - study.EXCLUDED:g}: {', '.join(sure)}.",
+        f"Decided, above {1 - inference_study.EXCLUDED:g}: {', '.join(sure)}.",
         f"Contradicted, p below 0.01: {', '.join(wrong)}.",
         *([f"With a minus sign before the bias at 50 degC p of the bias would be {signs}."] if turned else []),
         f"{results['open_bits']:.2f} bits about the discrete assumptions are open. The best measurement is worth "
@@ -50,7 +50,7 @@ def modes_table(results):
 
 def choices_table(results):
     rows = [
-        (c["name"], value, f"{p:.4f}", "excluded" if p < study.EXCLUDED else "", c["why"])
+        (c["name"], value, f"{p:.4f}", "excluded" if p < inference_study.EXCLUDED else "", c["why"])
         for c in results["choices"]
         for value, p in c["probability"].items()
     ]
@@ -64,8 +64,9 @@ def numbers_table(results):
         for n in results["numbers"]
     ]  # fmt: skip
     note = (
-        f"Shift and width in standard deviations of the prior. carried: width below {study.CARRIED:g}; strained: shift "
-        f"beyond {study.STRAINED:g}; open: the rows say little."
+        "Shift and width in standard deviations of the prior. carried: width below "
+        f"{inference_study.INFORMED_WIDTH:g}; strained: shift "
+        f"beyond {inference_study.STRAINED:g}; open: the rows say little."
     )
     heads = (
         "number",

@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from testbench.campaign import collect, execute
+from testbench.campaign.campaign_progress import Progress
 from testbench.campaign.plan import plan
 from testbench.campaign.pool import InProcess, Pool
-from testbench.campaign.progress import Progress
 from testbench.campaign.store import Store
 from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError, FileError
-from testbench.paper import cases, law
-from testbench.paper.calibration import boards, calibrations
+from testbench.paper import cases, phase_laws
+from testbench.paper.calibration import calibration_boards, calibrations
 from testbench.paper.loop import sensitivity
 from testbench.paper.measure import record_phases
 from testbench.paper.measure.characterise import choose_engine, restore_curves
@@ -66,7 +66,7 @@ def _calibrated(config, engine):
 
 
 def _board(config, seed, number, engine):
-    return calibrations.one(boards.draw(config, seed, number), 25.0, False, lambda _: None, engine)
+    return calibrations.one(calibration_boards.draw(config, seed, number), 25.0, False, lambda _: None, engine)
 
 
 class Study:
@@ -148,14 +148,14 @@ class Study:
         """Jobs of the laws by name; the shares of the noise last."""
         arguments = self.config, self.cases_deg()
         jobs = [
-            Job("law_scale", None, law.scale_law, arguments),
-            Job("law_sense", None, law.sense_law, arguments),
-            Job("law_drive", None, law.drive_law, arguments),
-            Job("law_rail", None, law.rail_law, arguments),
+            Job("law_scale", None, phase_laws.scale_law, arguments),
+            Job("law_sense", None, phase_laws.sense_law, arguments),
+            Job("law_drive", None, phase_laws.drive_law, arguments),
+            Job("law_rail", None, phase_laws.rail_law, arguments),
         ]
         for name, length_s in self.noise_lengths_s().items():
             file = f"noise_{name.replace(', ', '_').replace(' ', '_')}"
-            jobs.append(Job(file, length_s, law.measure_noise, (*arguments, name, length_s)))
+            jobs.append(Job(file, length_s, phase_laws.measure_noise, (*arguments, name, length_s)))
         return jobs
 
     def laws(self):
@@ -168,7 +168,7 @@ class Study:
     def noise_lengths_s(self):
         """Flicker alone is five times as long: its floor shows only in averages of minutes."""
         s = self.size.noise_s
-        return dict.fromkeys(law.NOISE_SETS, s) | {"only flicker": 5 * s} if s else {}
+        return dict.fromkeys(phase_laws.NOISE_SETS, s) | {"only flicker": 5 * s} if s else {}
 
     def influence(self, config):
         """Sensitivity of what is seen to what is built: `sensitivity.rows`."""

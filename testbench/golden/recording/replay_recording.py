@@ -63,7 +63,7 @@ class Rows(NamedTuple):
     board_signatures: np.ndarray  # uint64, of all these of a frame
 
 
-FRAMES_AT_ONCE = 64  # whose pins of every clock are kept
+BATCH_FRAMES = 64  # whose pins of every clock are kept
 
 
 class ReplayPosition(NamedTuple):
@@ -178,7 +178,7 @@ def run(params, stimulus, frames, at, board=None, registers=True):
     if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
         raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
     by_frame = registers and d != DEFAULT
-    frames_per_batch = 1 if by_frame else FRAMES_AT_ONCE
+    frames_per_batch = 1 if by_frame else BATCH_FRAMES
     o = _allocate_rows(at, frames, 0 if board is None else frames_per_batch * d.frame_clocks)
     rom, fresh = sine.table(d), top.reset(d)
     s, chip, position = fresh, adc_serial.State(), ReplayPosition()

@@ -11,13 +11,13 @@ Source  docs/diagnosis.md
 from math import log2
 from typing import NamedTuple
 
+from testbench.golden.diagnosis.fault_search import ALWAYS, EITHER, FEW_DIFFERENCES, LEAST_PRECISION, RESET
 from testbench.golden.diagnosis.perturb import WORDS
-from testbench.golden.diagnosis.search import ALWAYS, EITHER, LEAST_PRECISION, RESET, SAME
 from testbench.golden.diagnosis.value_hypotheses import UNCLASSIFIED
 
 SURE = 0.99  # share from which a cause is certain
 COMPLETE_SHARE = 0.99  # share from which a register needs no further cause
-MOST_LISTED = 8
+MOST_CAUSES = 8
 MOST_RANKED = 150
 HEADS = 3  # registers that are searched together, the first at fault
 MOST_SEARCHED = 9
@@ -30,7 +30,7 @@ IDENTIFIED_CLASSES = {
     RESET: ("reset", "no_reset", "async_reset"),
     ALWAYS: (),
     EITHER: ("condition",),
-    SAME: ("rounding", "limit"),
+    FEW_DIFFERENCES: ("rounding", "limit"),
 }
 
 
@@ -173,7 +173,7 @@ def rank_causes(search, first_row_registers=()):
             secondary += [*more, *causes[1:]]
         open_names = [name for name in open_names if name not in covered]
     primary.sort(key=lambda cause: search.faulty.index(cause.register))
-    return (primary + secondary)[:MOST_LISTED]
+    return (primary + secondary)[:MOST_CAUSES]
 
 
 def _second(search, name, hypothesis, share):
@@ -200,4 +200,4 @@ def hidden_causes(search, every=False):
     part = 1.0 / (len(first) + 1 + (async_port is not None))
     causes = [Cause("async_reset", async_port, part, "all registers at once")] if async_port else []
     causes += [Cause(h.cause, port, part, h.what) for h, port in explained if every or first[h.cause, port] is h]
-    return causes if every else causes[:MOST_LISTED]
+    return causes if every else causes[:MOST_CAUSES]

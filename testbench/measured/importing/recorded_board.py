@@ -34,17 +34,19 @@ class Board:
     writes: list  # (edge, name, raw)
     tracks: dwells.Tracks
     profile: object
-    held_out: bool
+    is_validation: bool
     parts: list = field(default_factory=list)
     words: list = field(default_factory=list)  # what was found and assumed
 
 
-def board(path, mapping, k, config):
+def import_board(path, mapping, k, config):
     """`Board` of file k with a `record_map.Map` and the configuration of the model."""
     columns = table.read_table(path)
     names = {name: stream.column for name, stream in mapping.columns.items()}
     time = mapping.time
-    numbers = table.numbers(path, columns, [*dict.fromkeys([*names.values(), *([time.column] if time else [])])])
+    numbers = table.numeric_columns(
+        path, columns, [*dict.fromkeys([*names.values(), *([time.column] if time else [])])]
+    )
     model, stream_codes, words, lsb_v = schema.lsb_volts(config.device()), {}, [], {}
     for name, stream in mapping.columns.items():
         stream_codes[name] = one = codes.codes(path, name, stream, numbers[stream.column], model.get(name))

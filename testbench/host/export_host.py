@@ -19,8 +19,8 @@ from testbench.config import scenario
 from testbench.errors import ConfigError
 from testbench.flatten import leaves
 from testbench.golden.loop import library, locked_state
-from testbench.golden.recording import board, host_board
-from testbench.register_map import export as register_map
+from testbench.golden.recording import board_recording, host_board
+from testbench.register_map import export_registers as register_map
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
 from testbench.storage.files import replacing_folder
@@ -56,8 +56,10 @@ def write_loop(folder, sim, rate_rad_s, bus="spi"):
     except ValueError as problem:
         raise ConfigError(f"gyro host: {problem}") from None
     reset = [f"    host.{path.replace('.', '.r_')} = {int(value)};" for path, value in leaves(model.State()) if value]
-    board.write_roms(folder, sim.design)
-    (folder / f"{board.MODULE}.v").write_text(locked_state.from_state(host_board.text(sim.params.fpga, model), reset))
+    board_recording.write_roms(folder, sim.design)
+    (folder / f"{board_recording.MODULE}.v").write_text(
+        locked_state.from_state(host_board.text(sim.params.fpga, model), reset)
+    )
     (folder / "rtl").mkdir()
     for path in (*library.sources(RTL), *(RTL / f"{stem}.v" for stem in stems)):
         shutil.copyfile(path, folder / "rtl" / path.name)

@@ -53,8 +53,8 @@ def _effects(result):
 
 def _removed(row):
     """Share of the power above the floor that is gone; of an error that was at the floor before none can be told."""
-    told = row["floor"] and row["before"] > FLOOR_FACTOR * row["floor"] and row["excess_removed"] is not None
-    return f"{100 * row['excess_removed']:.1f} %" if told else None
+    is_measurable = row["floor"] and row["before"] > FLOOR_FACTOR * row["floor"] and row["excess_removed"] is not None
+    return f"{100 * row['excess_removed']:.1f} %" if is_measurable else None
 
 
 def _heldout(result):

@@ -81,19 +81,19 @@ class Solver(NamedTuple):
         return u, s, vt, s > BROKEN * max(s.max(initial=0.0), 1e-300)
 
     def step(self, damping=0.0):
-        u, s, vt, held = self.svd()
-        gain = np.where(held, s / np.where(held, s * s + damping, 1.0), 0.0)
+        u, s, vt, retained = self.svd()
+        gain = np.where(retained, s / np.where(retained, s * s + damping, 1.0), 0.0)
         return (vt.T @ (gain * (u.T @ self.q_rhs))) / self.scale
 
     def decrement(self):
-        u, _, _, held = self.svd()
-        return float(np.sum((u.T @ self.q_rhs)[held] ** 2))
+        u, _, _, retained = self.svd()
+        return float(np.sum((u.T @ self.q_rhs)[retained] ** 2))
 
     def covariance(self):
-        _, s, vt, held = self.svd()
+        _, s, vt, retained = self.svd()
         v = vt.T / self.scale[:, None]
-        out = (v[:, held] / s[held] ** 2) @ v[:, held].T
-        loose = np.abs(vt[~held]).max(axis=0, initial=0.0) > 1e-3
+        out = (v[:, retained] / s[retained] ** 2) @ v[:, retained].T
+        loose = np.abs(vt[~retained]).max(axis=0, initial=0.0) > 1e-3
         out[loose, loose] = np.inf
         return out
 

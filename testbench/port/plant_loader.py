@@ -63,8 +63,8 @@ def open_library(path):
 @functools.cache
 def _loaded(path, data):
     """`Library` of these bytes, once in a process."""
-    made = _load_python(path, data) if path.endswith(".py") else _load_native(path, data)
-    return Library(path, hashlib.sha256(data).hexdigest(), *made)
+    contents = _load_python(path, data) if path.endswith(".py") else _load_native(path, data)
+    return Library(path, hashlib.sha256(data).hexdigest(), *contents)
 
 
 def _load_native(path, data):
@@ -172,5 +172,5 @@ class Instance:
         if self._array is not None:
             self._array.reshape(-1).view(np.uint8)[:] = state
         else:
-            kept = np.ascontiguousarray(state, np.uint8)
-            self.call("load", kept.ctypes.data)
+            state_bytes = np.ascontiguousarray(state, np.uint8)
+            self.call("load", state_bytes.ctypes.data)

@@ -16,7 +16,7 @@ import numpy as np
 
 from testbench import config as configuration
 from testbench.paper.calibration.bench import Bench, Judge
-from testbench.paper.calibration.calibrate import REGISTER
+from testbench.paper.calibration.calibrate_phases import REGISTER
 from testbench.paper.loop import advisor, derived, loop_parameters, sensitivity
 from testbench.paper.loop import loop as loops
 from testbench.paper.measure import measure_allan, nonlinearity

@@ -108,8 +108,8 @@ KEYS = ("name", "repeats", "seed", "dac", "fx_scatter_hz", "set", "truth", "cond
 def _check_keys(tree, keys, where):
     for key in tree:
         if key not in keys:
-            near = difflib.get_close_matches(str(key), keys, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(keys)}"
+            matches = difflib.get_close_matches(str(key), keys, n=1, cutoff=0.5)
+            hint = f"did you mean {matches[0]}?" if matches else f"known: {', '.join(keys)}"
             raise ConfigError(f"{where}: {key} is not a key here; {hint}")
 
 
@@ -122,8 +122,8 @@ def _bounded_number(value, lo, hi, unit, where):
 
 def _text(value, choices, where):
     if not isinstance(value, str) or (choices and value not in choices):
-        wanted = " | ".join(choices) if choices else "a text"
-        raise ConfigError(f"{where} = {short_toml(value)} is not {wanted}")
+        choices_text = " | ".join(choices) if choices else "a text"
+        raise ConfigError(f"{where} = {short_toml(value)} is not {choices_text}")
     return value
 
 
@@ -217,5 +217,5 @@ def read(path):
 
 def with_plant(plan, library, plant_file=""):
     """The same plan for a plant behind the port: path of the library, and of the file for it alone."""
-    there = {"scenario.plant": str(library), "scenario.plant_file": str(plant_file)}
-    return plan._replace(truth=configuration.changed(plan.truth, there, library=True))
+    plant_keys = {"scenario.plant": str(library), "scenario.plant_file": str(plant_file)}
+    return plan._replace(truth=configuration.changed(plan.truth, plant_keys, library=True))

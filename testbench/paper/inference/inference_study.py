@@ -1,7 +1,7 @@
 """What the paper's numbers say of its board, as plain data: posterior, rows before and after, held-out rows, a board.
 
     before     the default board                     after     the most probable board; both by the linear loops
-    carried    the posterior of a number is narrower than CARRIED times its prior
+    carried    the posterior of a number is narrower than INFORMED_WIDTH times its prior
     strained   its mean is more than STRAINED standard deviations of the prior away
     excluded   a choice of a discrete assumption has a probability below EXCLUDED
 
@@ -13,13 +13,23 @@ import math
 import numpy as np
 
 from testbench.config import Config, changed
-from testbench.paper.inference import board, change, forward, heldout, infer, likelihood, measurements, priors, rows
+from testbench.paper.inference import (
+    change,
+    forward,
+    heldout_measurements,
+    infer,
+    likelihood,
+    measurements,
+    priors,
+    probable_board,
+    rows,
+)
 from testbench.paper.loop import derived
 from testbench.run.budget import budget
 
 SEED, DRAWS, FOLD_DRAWS, LEAST_DRAWS = 1, 2000, 1500, 400.0
-CARRIED, STRAINED, EXCLUDED = 0.5, 2.0, 0.01
-MODES_SHOWN = 12
+INFORMED_WIDTH, STRAINED, EXCLUDED = 0.5, 2.0, 0.01
+MOST_MODES = 12
 QUANTITIES = {"scale_factor": "lsb_per_dps", "arw": "arw_deg_per_rt_h", "bias_instability": "instability_deg_per_h",
               "v_q": "quadrature_v", "bias": "bias_dps"}  # fmt: skip
 
@@ -67,8 +77,8 @@ def _numbers(post):
         z = post.z[:, k]
         mean = float(post.weight @ z)
         width = math.sqrt(float(post.weight @ (z - mean) ** 2))
-        quantiles = [float(prior.value(infer.quantile(z, post.weight, share))) for share in heldout.SHARES]
-        verdict = "strained" if abs(mean) > STRAINED else "carried" if width < CARRIED else "open"
+        quantiles = [float(prior.value(infer.quantile(z, post.weight, share))) for share in heldout_measurements.SHARES]
+        verdict = "strained" if abs(mean) > STRAINED else "carried" if width < INFORMED_WIDTH else "open"
         out.append({"name": prior.name, "unit": prior.unit, "prior": [prior.lo, prior.hi], "posterior": quantiles,
                     "shift": mean, "width": width, "verdict": verdict, "why": prior.why})  # fmt: skip
     return out
@@ -83,7 +93,7 @@ def _choices(post):
 
 
 def _ranked_modes(optima):
-    ranks = range(min(MODES_SHOWN, len(optima.weight)))
+    ranks = range(min(MOST_MODES, len(optima.weight)))
     return [
         {"choices": {n: int(a[k]) for n, a in optima.mode.items()}, "weight": float(optima.weight[k]),
          "chi2": float(optima.chi2[k]), "prior_chi2": float(np.sum(optima.z[k] ** 2))} for k in ranks
@@ -103,7 +113,7 @@ def _holdout_changes(paper, classes, by_fold, draws):
     """What would meet each class that is contradicted where its temperature is left out: a part moved, or a sign."""
     moves, signs, rng = [], [], np.random.default_rng(SEED)
     for c in classes:
-        if c.verdict == "contradicted" and by_fold[c.fold][0].rule == heldout.TEMPERATURE:
+        if c.verdict == "contradicted" and by_fold[c.fold][0].rule == heldout_measurements.TEMPERATURE:
             moves += [m._asdict() for m in change.temperature_moves(paper, by_fold[c.fold], c.group)]
             turned = change.with_other_sign(paper, by_fold[c.fold][0], c.group, rng, draws, LEAST_DRAWS)
             signs.append(turned._asdict() | {"verdict": turned.verdict, "p_as_printed": c.p})
@@ -123,11 +133,11 @@ def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS)
     data = likelihood.compared(paper)
     post = infer.posterior(data, rng, draws, LEAST_DRAWS)
     z, mode, covariance = best_board(data, post.optimum)
-    v = {name: float(a) for name, a in priors.values(z).items()}
+    v = {name: float(a) for name, a in priors.prior_values(z).items()}
     report_progress("rows by the linear loops", 1)
-    before, after = config_rows(Config()), config_rows(board.board_config(v, mode), mode["ye2_at_pin"] == 1)
+    before, after = config_rows(Config()), config_rows(probable_board.board_config(v, mode), mode["ye2_at_pin"] == 1)
     report_progress("held-out rows", 2)
-    predicted, classes, by_fold = heldout.judge_folds(paper, rng, fold_draws, LEAST_DRAWS)
+    predicted, classes, by_fold = heldout_measurements.judge_folds(paper, rng, fold_draws, LEAST_DRAWS)
     report_progress("changes and measurements", 3)
     worth, open_bits = measurements.worth(post, rng)
     groups = dict.fromkeys(row.group for row in likelihood.FITTED)
@@ -151,6 +161,6 @@ def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS)
         **_holdout_changes(paper, classes, by_fold, fold_draws),
         "measurements": [w._asdict() for w in worth],
         "open_bits": open_bits,
-        "board": {"mode": mode, "settings": board.settings(v, mode), "names": list(priors.NAMES), "z": z.tolist(),
-                  "covariance": covariance.tolist()},
+        "board": {"mode": mode, "settings": probable_board.settings(v, mode), "names": list(priors.NAMES),
+                  "z": z.tolist(), "covariance": covariance.tolist()},
     }  # fmt: skip

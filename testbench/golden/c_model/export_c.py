@@ -17,7 +17,7 @@ from analog_frontend.parts import adc_serial
 from testbench.errors import ConfigError
 from testbench.golden.bundles import design_entry
 from testbench.golden.c_model import dpi, flat_ports
-from testbench.golden.c_model.kinds import NUMBER, infer_kind
+from testbench.golden.c_model.c_kinds import NUMBER, infer_kind
 from testbench.golden.recording import recording
 from testbench.storage.files import replacing_folder
 
@@ -29,7 +29,7 @@ MODEL = ("integers.h", "integers.c", "blocks.h", "blocks.c")
 
 def firmware(config=None):
     """`top.Params` of a configuration file, or those of the shipped golden vectors."""
-    return recording.load("power_on").params if config is None else design_entry.board(config)[1]
+    return recording.load("power_on").params if config is None else design_entry.read_board(config)[1]
 
 
 def model(params, extend=None):

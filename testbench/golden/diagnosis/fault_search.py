@@ -17,8 +17,8 @@ import numpy as np
 from fpga_model.block import BIT
 from testbench.golden.diagnosis import condition_hypotheses, perturb, value_hypotheses
 from testbench.golden.diagnosis.net import wrapped
+from testbench.golden.diagnosis.node_rows import Rows
 from testbench.golden.diagnosis.perturb import Hypothesis
-from testbench.golden.diagnosis.rows import Rows
 
 SHORT = 5  # bits of a register that holds a state
 SAMPLE = 40  # wrong rows on which all hypotheses are tried
@@ -28,7 +28,7 @@ LEAST_SHARE, LEAST_PRECISION = 0.2, 0.95
 
 # what the wrong rows of a target show: they are rows of the reset; one branch was taken in all of them, or one value;
 # which of two values was taken; few differences; more than these
-RESET, ALWAYS, EITHER, SAME, VALUES = "reset", "always", "either", "same", "values"
+RESET, ALWAYS, EITHER, FEW_DIFFERENCES, VALUES = "reset", "always", "either", "same", "values"
 FEW = 2  # differences
 
 
@@ -226,7 +226,7 @@ class Search:
         return self.rows.leaves.get(("in", "rst"), np.zeros(self.count, np.int64)) != 0
 
     def difference_kind(self, name):
-        """What the wrong rows of a target show: RESET, ALWAYS, EITHER, SAME or VALUES."""
+        """What the wrong rows of a target show: RESET, ALWAYS, EITHER, FEW_DIFFERENCES or VALUES."""
         if name not in self._difference_kinds:
             self._difference_kinds[name] = self._classify_differences(self.targets[name])
         return self._difference_kinds[name]
@@ -244,14 +244,14 @@ class Search:
             got, sound = target.got[at], target.sound[at]
             return any(len(np.unique(difference & mask)) <= FEW for difference in (got ^ sound, got - sound))
 
-        kind = SAME if few(wrong) else VALUES
+        kind = FEW_DIFFERENCES if few(wrong) else VALUES
         for explained, both in condition_hypotheses.decisions(
             self, target, inside, wrong, lambda other: not len(other) or few(other)
         ):
             if explained.all():
                 both_flags.append(both)
             else:
-                kind = SAME
+                kind = FEW_DIFFERENCES
         return (EITHER if any(both_flags) else ALWAYS) if both_flags else kind
 
     def evidence(self, name):

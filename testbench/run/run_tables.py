@@ -5,7 +5,7 @@ Source  docs/phases.md
 """
 
 from analog_frontend import amplifier_use
-from testbench.console.table import Table, fixed_digits
+from testbench.console.text_table import Table, fixed_digits
 from testbench.judge import phases as judged
 from testbench.run.budget import NODES
 from testbench.run.phase_meter import wrap_deg
@@ -58,7 +58,7 @@ NUMBERS = {
 }
 
 
-def numbers(summary):
+def number_rows(summary):
     """The other results of a run."""
     rows = [("all loops locked", "yes" if summary.get("locked") else "NO", "")]
     for key, (text, unit, digits, factor) in NUMBERS.items():
@@ -111,8 +111,8 @@ def budget_node(budget, node, plain_deg=None):
 
 def budget_tables(budget, plain=None):
     """One table for each of the four phases; `plain` is the budget without re-timed references and extra frames."""
-    without = plain.node_deg() if plain else {}
-    return [budget_node(budget, node, without.get(node)) for node in NODES]
+    plain_deg = plain.node_deg() if plain else {}
+    return [budget_node(budget, node, plain_deg.get(node)) for node in NODES]
 
 
 def budget_json(budget, plain=None):

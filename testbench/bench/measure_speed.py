@@ -17,9 +17,9 @@ from functools import partial
 
 from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
-from testbench.bench import kernels, machine, many, peers, stages
+from testbench.bench import engine_stages, kernels, machine, many, peers
 from testbench.console.markdown import ROOT, markdown, need_repository, replaced
-from testbench.console.table import Table, fixed_digits
+from testbench.console.text_table import Table, fixed_digits
 from testbench.storage.files import write_text
 
 COMMAND = "python -m testbench.bench"
@@ -235,7 +235,7 @@ def measure():
     result = speeds(ROOT / "build" / "bench")
     result |= first | {
         "growth": growth(),
-        "stages_ns": stages.measure(),
+        "stages_ns": engine_stages.measure(),
         "versions": machine.versions() | peers.versions(),
         "cpu": machine.cpu(),
     }
@@ -283,7 +283,7 @@ def growth_table(result):
 def stage_table(result):
     """Where the frame engine's time goes."""
     spent = result["stages_ns"]
-    texts = (*stages.STAGES, ("the engine: all of it, records and hash", "engine"))
+    texts = (*engine_stages.STAGES, ("the engine: all of it, records and hash", "engine"))
     rows = [(text, f"{spent[name]:.1f} ns", f"{100 * spent[name] / spent['engine']:.0f} %") for text, name in texts]
     return Table("Stages of the frame engine", ("stage", "CPU time per tick", "of the engine"), rows, "", (1, 2))
 

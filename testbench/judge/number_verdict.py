@@ -71,8 +71,8 @@ def _text(part):
     far = f"{part.pull:+.1f} sigma" if abs(part.pull) < MOST_SIGMA else f"beyond {MOST_SIGMA:g} sigma"
     if not part.sigma and not part.model.sigma:
         far = "not kept" if part.pull else "equal"
-    kept = "kept" if part.bound and not part.pull else far
-    return f"{part.what}: {_number_text(*part.model)}, the paper {paper}: {kept}"
+    outcome = "kept" if part.bound and not part.pull else far
+    return f"{part.what}: {_number_text(*part.model)}, the paper {paper}: {outcome}"
 
 
 def verdict(role, parts, absent=NOT_COMPUTED):

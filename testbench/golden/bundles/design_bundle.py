@@ -29,11 +29,11 @@ from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import formats
 from testbench.errors import ConfigError, FileError
 from testbench.flatten import format_leaves, leaves
-from testbench.golden.bundles import benches, bundle, design_entry, provenance, scores, top_benches
+from testbench.golden.bundles import benches, bundle, bundle_provenance, design_entry, scores, top_benches
 from testbench.golden.bundles.bundle import PINS
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, SHOWN_ROWS
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, REPORTED_ROWS
 from testbench.golden.foreign.comparison_scope import MOST_CLOCKS
-from testbench.golden.recording import board, board_pins, recording, replay, signature
+from testbench.golden.recording import board_pins, board_recording, recording, replay_recording, signature
 from testbench.golden.stimulus import blocks, levels
 from testbench.golden.stimulus.blocks import Port, port_name
 from testbench.storage import inputs, vcd
@@ -148,7 +148,7 @@ def read_recording(folder, manifest):
     windows = inputs.validate_data(manifest["windows"], list[WindowEntry], path)
     bundle_recording = recording.Recording(
         manifest["case"], raw, manifest["frames"], 1,
-        replay.Stimulus(**stimulus), tuple(recording.Window(w.clock, w.rows, w.shows) for w in windows), "",
+        replay_recording.Stimulus(**stimulus), tuple(recording.Window(w.clock, w.rows, w.shows) for w in windows), "",
     )  # fmt: skip
     recording.check(path, bundle_recording)
     return bundle_recording
@@ -211,7 +211,7 @@ def _replay_manifest(design, r, at, counts, clocks):
         "seed": None,
         "config_sha256": hashlib.sha256(bundle.canonical(identity).encode()).hexdigest(),
         **({"clocks": clocks} if clocks else {}),
-        "provenance": provenance.provenance(),
+        "provenance": bundle_provenance.provenance(),
     }
 
 
@@ -241,7 +241,7 @@ class ReplayReference(NamedTuple):
 
 
 def write(
-    r, folder, at=None, include_design=False, level="registers", reported_rows=SHOWN_ROWS, more=None, clocks=None
+    r, folder, at=None, include_design=False, level="registers", reported_rows=REPORTED_ROWS, more=None, clocks=None
 ):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
@@ -254,7 +254,7 @@ def write(
     d, pins_only = r.params.design, level == "pins"
     design = make_block({r.name: r.params}, d if include_design or d != DEFAULT else None)
     at = row_clocks(r) if at is None else at
-    rows = replay.run(r.params, r.stimulus, r.frames, at, board_pins.Board(clocks), not pins_only)
+    rows = replay_recording.run(r.params, r.stimulus, r.frames, at, board_pins.Board(clocks), not pins_only)
     blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
     blocks.check(design.registers, rows.registers, f"{STEM}: register")
     blocks.check(design.pins, rows.pins, f"{STEM}: output")
@@ -267,7 +267,7 @@ def write(
         texts = _pin_bundle_texts(r, pins, at, rows.inputs, reported_rows)
         pin_files = {f"{PINS}/{name}": text for name, text in texts.items()}
     files, counts = _files(r, reference, at, rows.inputs, reported_rows)
-    columns = [(p.name, p) for p in design.columns] + benches.results(reference.design)
+    columns = [(p.name, p) for p in design.columns] + benches.result_pairs(reference.design)
     both = np.column_stack([rows.inputs, reference.exp])
     files |= {
         **bundle.port_files(columns, both),
@@ -291,7 +291,7 @@ def _pin_bundle_texts(r, reference, at, stim, reported_rows):
 def _files(r, reference, at, stim, reported_rows):
     """({path: text} of what the benches open and of the benches, counts)."""
     design, exp, _, clocks = reference
-    driven, result_ports = [(p.name, p) for p in design.columns], benches.results(design)
+    driven, result_ports = [(p.name, p) for p in design.columns], benches.result_pairs(design)
     counts = {
         "frames": r.frames,
         "conversions": len(r.stimulus.adc),
@@ -329,7 +329,7 @@ def check_frames(frames):
 def check_board(firmware, frames):
     """Raise ConfigError for what `export_board` cannot write."""
     check_frames(frames)
-    board.check(firmware)
+    board_recording.check(firmware)
 
 
 def export_board(firmware, config, case, folder, frames=BOARD_FRAMES, progress=None):
@@ -359,7 +359,7 @@ def first_frames(r, frames, windows):
         frames=frames,
         row_every=frames,
         windows=windows,
-        stimulus=replay.Stimulus(adc[adc[:, 0] < end], host[host[:, 0] < end], sar[: end // d.tick_clocks]),
+        stimulus=replay_recording.Stimulus(adc[adc[:, 0] < end], host[host[:, 0] < end], sar[: end // d.tick_clocks]),
     )
 
 

@@ -72,7 +72,7 @@ class Opened(NamedTuple):
     hz: np.ndarray
     word: np.ndarray  # P, code per word
     rate: np.ndarray  # D, code per rad/s
-    rest: float
+    dc_ratio: float
     p: object  # the LoopParameters
     frame: object
 
@@ -120,7 +120,7 @@ def controller(o, zero_hz):
 def gain_of_bandwidth(o, c, at):
     """Size of the integral gain at which the response at grid point `at` is 3 dB below rest; NaN if there is none."""
     cp, cd = c[at] * o.word[at], c[at] * o.rate[at]
-    square = 2 * abs(cd) ** 2 / o.rest**2 - abs(cp) ** 2
+    square = 2 * abs(cd) ** 2 / o.dc_ratio**2 - abs(cp) ** 2
     roots = np.roots([square, 2 * cp.real, -1.0])
     positive = [r.real for r in roots if abs(r.imag) < 1e-12 * abs(r) and r.real > 0]
     return min(positive, default=math.nan)
@@ -128,7 +128,7 @@ def gain_of_bandwidth(o, c, at):
 
 def closed_db(o, c, gain):
     """Closed loop over rest (dB) at the grid."""
-    return 20 * np.log10(np.abs(gain * c * o.rate / (1 - gain * c * o.word)) / o.rest)
+    return 20 * np.log10(np.abs(gain * c * o.rate / (1 - gain * c * o.word)) / o.dc_ratio)
 
 
 def modulus(o, c, gain):
@@ -167,7 +167,7 @@ def gain_factors(tolerances):
     return (1 - t) ** 2 / (1 + c), (1 + t) ** 2 / (1 - c)
 
 
-def board(config, sid_c_f, tolerances, *more_hz):
+def build_board(config, sid_c_f, tolerances, *more_hz):
     """`Board` of a configuration; without tolerances it has no corners."""
     p = loop_parameters(with_capacitor(config, sid_c_f))
     o = open_loop_response(p, grid(p, *more_hz))
@@ -186,7 +186,7 @@ def board(config, sid_c_f, tolerances, *more_hz):
 def boards(config, tolerances, *more_hz):
     """`Board`s of all capacitors that come into question."""
     split = config.nominal.fx_hz - config.nominal.fy_hz
-    return [board(config, c, tolerances, *more_hz) for c in capacitors(split, config.nominal.sid_r_ohm)]
+    return [build_board(config, c, tolerances, *more_hz) for c in capacitors(split, config.nominal.sid_r_ohm)]
 
 
 class Met(NamedTuple):

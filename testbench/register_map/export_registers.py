@@ -27,7 +27,7 @@ from testbench.version import VERSION
 
 RDL = f"{NAME}.rdl"
 DRIVER = Path(__file__).with_name("driver")
-SHOWN = ("gyro_format", "gyro_signed", "gyro_unit", "gyro_lsb", "gyro_low_bit")
+DOC_PROPERTIES = ("gyro_format", "gyro_signed", "gyro_unit", "gyro_lsb", "gyro_low_bit")
 
 
 def _package(name):
@@ -67,7 +67,7 @@ def _ipxact(top, folder):
 
 def _html(top, folder):
     exporter = _package("peakrdl_html").HTMLExporter(
-        generate_source_links=False, extra_doc_properties=list(SHOWN), user_context={"build_ts": 0}
+        generate_source_links=False, extra_doc_properties=list(DOC_PROPERTIES), user_context={"build_ts": 0}
     )
     exporter.export(top, str(folder))
     # MathJax from the network; no text of the map has a formula

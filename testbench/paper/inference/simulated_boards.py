@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.paper.inference import forward, heldout, infer, likelihood, priors, rows
+from testbench.paper.inference import forward, heldout_measurements, infer, likelihood, priors, rows
 
 DRAWS = 300
 
@@ -22,7 +22,7 @@ class TruthRanks(NamedTuple):
     """Ranks by parameter and by row; the probability that the true mode got; effective draws."""
 
     parameters: dict
-    held_out: dict
+    heldout_ranks: dict
     true_mode: list
     sizes: list
 
@@ -62,10 +62,10 @@ def rank_boards(count, seed, draws=DRAWS, progress=None):
         for fold in (by_class[number % len(by_class)], by_temp[number % len(by_temp)]):
             todo.append((infer.posterior(likelihood.compared(paper, fold.rows), rng, draws), fold.rows))
         for fitted, names in todo:
-            row_draws = heldout.draw_predictions(fitted, rng)
+            row_draws = heldout_measurements.draw_predictions(fitted, rng)
             for name in names:
                 got = rank(row_draws[name], fitted.weight, paper.values[name], rng)
-                out.held_out.setdefault(name, []).append(got)
+                out.heldout_ranks.setdefault(name, []).append(got)
         if progress:
             progress("simulated papers", number + 1, count)
     return out

@@ -21,11 +21,11 @@ REPLAYED = "replayed"  # tap of a stream that nobody recorded
 def replayed(record, session, names):
     """{stream: (frames,)} of a session, int64."""
     firmware = build.firmware(check_tables.stated_config(record))
-    found = {name: [] for name in names}
+    stream_parts = {name: [] for name in names}
     for _, n, o in firmware_residual.replay_blocks(record, session, firmware):
-        for name, parts in found.items():
+        for name, parts in stream_parts.items():
             parts.append(o.words[:n, replay.WORDS.index(schema.REPLAYED[name])])
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+    return {name: np.concatenate(parts) for name, parts in stream_parts.items()}
 
 
 def lacking(record):
