@@ -185,7 +185,7 @@ from fpga_model import beat, block, top, wiring
 from testbench.config import Config, changed
 from testbench.run import build
 wiring.check()
-assert "beat" in wiring.trace(top, whole=True).instances and "beat" not in wiring.trace(top).instances
+assert "beat" in wiring.trace(top, all_parts=True).instances and "beat" not in wiring.trace(top).instances
 on = build.firmware(changed(Config(), {"firmware.beat_ticks": 50}))
 assert block.reset(top.State(), on).beat == beat.State()
 assert build.firmware(Config()).beat is None

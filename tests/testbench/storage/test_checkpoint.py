@@ -428,7 +428,7 @@ begin, seen = job.sim.tick, {}
 def say(text, done, total):
     seen.setdefault(done // 1_000_000, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
-job.play(say)
+job.play_scenario(say)
 print(seen[2], seen[6], job.recording.spool.rows)
 """
 

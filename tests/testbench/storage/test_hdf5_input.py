@@ -109,8 +109,8 @@ def test_what_is_no_hdf5_file_is_one_line(tmp_path):
 
 READER = """import sys, time
 from pathlib import Path
-from testbench.storage import trial
-trial.main(lambda path: {body})
+from testbench.storage import sandboxed_read
+sandboxed_read.main(lambda path: {body})
 """
 
 

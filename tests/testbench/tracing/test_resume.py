@@ -23,16 +23,16 @@ OPTIONS = Options(n_null=199, power=False)
 KILLED = """
 import os, signal, sys
 from tests.testbench.tracing.test_resume import OPTIONS, problem
-from testbench.tracing.problem import checkpoint
+from testbench.tracing.problem import trace_checkpoint
 from testbench.tracing.trace import trace
 left = int(sys.argv[2])
-def writing(self, key, ending, data, plain=checkpoint.Store._write):
+def writing(self, key, ending, data, plain=trace_checkpoint.Store._write):
     global left
     left -= 1
     if left == 0:
         os.kill(os.getpid(), signal.SIGKILL)
     plain(self, key, ending, data)
-checkpoint.Store._write = writing
+trace_checkpoint.Store._write = writing
 trace(problem(), OPTIONS, checkpoint=sys.argv[1])
 """
 
