@@ -1,7 +1,7 @@
 """Records of a published run made again, for a later version to trace: python -m tests.sealed.again RUN NUMBER [--wide]
 
     tests/sealed/published/RUN.json
-        own             line of the ledger
+        ledger          its line of the ledger
         configuration   of the board without deviations
         strata          tables of tests/sealed/strata.toml
         parameters      keys of `values`;   sheet_parameters  keys of `sheet`;   streams  what `streams_sha256` is over
@@ -56,11 +56,11 @@ def make_again(run, number, folder, wide=False):
     """
     sheet = run["records"][number]["sheet"]
     if wide and not sheet:
-        raise ConfigError(f"{run['own']['run']}: record {number} was not traced from a data sheet; leave out --wide")
-    tables = strata.Strata(**run["strata"], inside=(), outside=(), sha256=run["own"]["strata_sha256"])
-    name, truth = f"{run['own']['run']}-{number:03d}", read_truth(run, number)
+        raise ConfigError(f"{run['ledger']['run']}: record {number} was not traced from a data sheet; leave out --wide")
+    tables = strata.Strata(**run["strata"], inside=(), outside=(), sha256=run["ledger"]["strata_sha256"])
+    name, truth = f"{run['ledger']['run']}-{number:03d}", read_truth(run, number)
     values = dict(zip(run["sheet_parameters"], sheet)) if wide else None
-    model = from_dict(run["configuration"], f"{run['own']['run']}: configuration")
+    model = from_dict(run["configuration"], f"{run['ledger']['run']}: configuration")
     return envelope_text(truth), make_record(tables, name, truth, folder, values, model)
 
 
@@ -95,7 +95,7 @@ def write_run(run, path):
             }
         )
     data = {
-        "own": run.own,
+        "ledger": run.own,
         "configuration": Config().model_dump(),
         "strata": {key: table for key, table in run.strata._asdict().items() if isinstance(table, dict)},
         "parameters": parameters,
@@ -114,19 +114,19 @@ def main(argv=None):
     parser.add_argument("number", type=int)
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "sealed" / "again")
     parser.add_argument("--wide", action="store_true", help="with the configuration of a data sheet and without priors")
-    given = parser.parse_args(argv)
+    arguments = parser.parse_args(argv)
     try:
-        run = read_run(FOLDER / f"{given.run}.json")
-        if not 0 <= given.number < len(run["records"]):
-            parser.error(f"number = {given.number} is outside 0 .. {len(run['records']) - 1}")
-        given.out.mkdir(parents=True, exist_ok=True)
-        envelope, record = make_again(run, given.number, given.out, given.wide)
-        path = given.out / f"{given.run}-{given.number:03d}{'-wide' * given.wide}.h5"
+        run = read_run(FOLDER / f"{arguments.run}.json")
+        if not 0 <= arguments.number < len(run["records"]):
+            parser.error(f"number = {arguments.number} is outside 0 .. {len(run['records']) - 1}")
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        envelope, record = make_again(run, arguments.number, arguments.out, arguments.wide)
+        path = arguments.out / f"{arguments.run}-{arguments.number:03d}{'-wide' * arguments.wide}.h5"
         write_record(path, record)
         write_text(path.with_suffix(".json"), envelope)
     except (ConfigError, FileError) as problem:
         parser.exit(1, f"{problem}\n")
-    parts = compare_hashes(run, given.number, envelope, record)
+    parts = compare_hashes(run, arguments.number, envelope, record)
     print(f"{path}: beside the published record: " + ", ".join(f"{part} {result}" for part, result in parts.items()))
     return int("differs" in parts.values())
 

@@ -58,14 +58,14 @@ def make_record(strata, name, truth, folder, sheet=None, model=None):
     sheet   {key: value} of a data sheet: then the record has it as configuration, and no priors
     model   configuration of a board without deviations; None is the default one
     """
-    own = folder / f"own_{name}.txt"
-    write_text(own, truth["own"])
+    plant_file = folder / f"own_{name}.txt"
+    write_text(plant_file, truth["own"])
     strata = strata if sheet is None else strata._replace(priors={})
     try:
-        recording = plan(strata, name, truth["seed"], truth["values"], own, model=model)
+        recording = plan(strata, name, truth["seed"], truth["values"], plant_file, model=model)
         record = produce.record(recording)
     finally:
-        own.unlink()
+        plant_file.unlink()
     if sheet is not None:
         record.config_toml = to_toml(changed(recording.model, sheet))
     record.attrs["truth_sha256"] = hashlib.sha256(envelope_text(truth).encode()).hexdigest()

@@ -26,7 +26,7 @@ FILE = again.FOLDER / f"{LINE['run']}.json"
 def test_the_published_run_has_the_truths_that_were_scored():
     """The ledger's line, and stratum and effect of each record; the envelopes have their hashes."""
     run = again.read_run(FILE)
-    assert run["own"] == LINE
+    assert run["ledger"] == LINE
     truths = [again.read_truth(run, n) for n in range(len(run["records"]))]
     assert [(truth["kind"], truth["effect"]) for truth in truths] == [(r.kind, r.truth) for r in ROWS]
     digests = [hashlib.sha256(again.envelope_text(truth).encode()).hexdigest() for truth in truths]
