@@ -5,7 +5,7 @@
             first records again with the priors of a data sheet
     score   opens the envelopes of what is done and prints the rates; --keep writes what was counted of a sealed run
             into tests/sealed/going.jsonl, so that another machine can go on; --page writes it into scored.jsonl, and
-            the rates of a whole run, which a test makes again
+            the rates of a whole run, which a test makes again; its records are written into tests/sealed/published
     beside  for each false law of a data sheet in scored.jsonl, how many sigmas could have refused it
 
 Source    docs/sealed.md
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from testbench.console.markdown import ROOT, replaced
 from testbench.storage.files import write_text
-from tests.sealed import draw, ledger, score, sheet_size, strata
+from tests.sealed import again, draw, ledger, score, sheet_size, strata
 from tests.sealed.bank import Bank, Space
 from tests.sealed.records import Run, Tracing
 
@@ -125,6 +125,8 @@ def main(argv=None):
     whole = given.kind == ledger.SEALED and len(rows) == len(run.kinds)
     if given.page and not whole:
         sys.exit(f"{own['run']}: {len(rows)} of {len(run.kinds)} records are done, or it is not sealed: no page")
+    if given.page:
+        again.write_run(run, again.FOLDER / f"{own['run']}.json")
     if (given.keep and given.kind == ledger.SEALED) or given.page:
         write_text(SCORED if given.page else GOING, score.kept(own, rows, wide))
     if given.page:

@@ -17,17 +17,18 @@ import json
 import time
 
 from fpga_model.shared_files import open_regular
-from testbench.config import Config, changed, to_toml
+from testbench.config import changed, to_toml
 from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_problem, loop_record, loop_runs, loop_trace
-from testbench.measured.record import produce
+from testbench.measured.record import produce, schema
 from testbench.measured.wide import record_priors
 from testbench.storage.files import write_text
-from testbench.storage.record import write_record
+from testbench.storage.record import column_digest, write_record
 from testbench.tracing.trace import Options
 from tests.sealed import draw
 from tests.sealed.strata import plan
 
+STREAMS = ("adc_ok", "nco_pword", *schema.CODE_OF, *schema.WORD_OF)  # all of a record by the second plant
 REDRAWS = 20  # boards drawn in place of one that loses its lock with its effect
 
 
@@ -43,6 +44,37 @@ class Tracing:
         problem = loop_record.open_record([path], {}, calibrated, self.bench, None if wide else self.kept)
         _, result = loop_trace.run(problem, Options(power=False, experiments=False))
         return result.to_json()
+
+
+def envelope_text(truth):
+    """Text of the envelope of a truth."""
+    return json.dumps(truth, sort_keys=True, indent=1) + "\n"
+
+
+def make_record(strata, name, truth, folder, sheet=None, model=None):
+    """Record of a truth, by the second plant; ConfigError or FileError where the board does not lock.
+
+    folder  for the plant's own text while it runs
+    sheet   {key: value} of a data sheet: then the record has it as configuration, and no priors
+    model   configuration of a board without deviations; None is the default one
+    """
+    plant_file = folder / f"own_{name}.txt"
+    write_text(plant_file, truth["own"])
+    strata = strata if sheet is None else strata._replace(priors={})
+    try:
+        recording = plan(strata, name, truth["seed"], truth["values"], plant_file, model=model)
+        record = produce.record(recording)
+    finally:
+        plant_file.unlink()
+    if sheet is not None:
+        record.config_toml = to_toml(changed(recording.model, sheet))
+    record.attrs["truth_sha256"] = hashlib.sha256(envelope_text(truth).encode()).hexdigest()
+    return record
+
+
+def streams_sha256(record, names=STREAMS):
+    """SHA-256 of all bits of the streams of some names; they are whole numbers."""
+    return schema.json_sha256([column_digest(record.streams[name].data) for name in names if name in record.streams])
 
 
 class Run:
@@ -81,43 +113,33 @@ class Run:
 
     def _made(self, number, wide):
         """(truth, record) of the first board that locks; wide: without priors, and the configuration of a sheet."""
-        own = self.folder / f"own_{number:03d}.txt"
-        strata = self.strata._replace(priors={}) if wide else self.strata
         for again in range(REDRAWS):
             seed = draw.seed_of(self.own["run"], number, again)
             truth = draw.truth(self.strata, self.space, self.kinds[number], seed) | {"redrawn": again}
-            write_text(own, truth["own"])
+            sheet = draw.sheet_values(self.strata, seed) if wide else None
             try:
-                made = plan(strata, f"{self.own['run']}-{number:03d}", seed, truth["values"], own)
-                record = produce.record(made)
-                break
+                return truth, make_record(self.strata, f"{self.own['run']}-{number:03d}", truth, self.folder, sheet)
             except (ConfigError, FileError):
                 if again == REDRAWS - 1:
                     raise
-            finally:
-                own.unlink()
-        if wide:
-            record.config_toml = to_toml(changed(Config(), draw.sheet_values(self.strata, seed)))
-        return truth, record
 
     def one(self, number, wide=False):
         """Make, seal and trace a record; its result is kept whole or not at all."""
         begun = time.process_time()
         truth, record = self._made(number, wide)
-        envelope = json.dumps(truth, sort_keys=True, indent=1) + "\n"
+        envelope = envelope_text(truth)
         sealed = self.path("envelopes", number)
         if sealed.exists() and sealed.read_text() != envelope:
             raise FileError(f"{sealed}: is the envelope of another truth than this source draws")
         write_text(sealed, envelope)
         file = self.folder / f"record_{number:03d}.h5"
-        record.attrs["truth_sha256"] = hashlib.sha256(envelope.encode()).hexdigest()
         write_record(file, record)
         made = time.process_time()
         try:
             out = {"result": self.trace(file, wide)}
         except Exception as problem:  # a traceback of the tracer is a result to be counted
             out = {"error": f"{type(problem).__name__}: {problem}"}
-        out["envelope_sha256"] = record.attrs["truth_sha256"]
+        out |= {"envelope_sha256": record.attrs["truth_sha256"], "streams_sha256": streams_sha256(record)}
         out["cpu_s"] = {"record": round(made - begun, 2), "trace": round(time.process_time() - made, 2)}
         write_text(self.path(self.parts[wide], number), json.dumps(out) + "\n")
         file.unlink()

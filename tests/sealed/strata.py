@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
+from testbench.config import changed
 from testbench.errors import ConfigError
 from testbench.measured.record import recording_plan as plans
 from tests.sealed import effects, second_plant
@@ -52,10 +53,11 @@ def own_text(strata, lines):
     return "".join(f"{key} = {value!r}\n" for key, value in told.items()) + lines.get("effects", "")
 
 
-def plan(strata, name, seed, values, own, repeats=None, roles=("fit", "validate"), scatter_hz=None):
+def plan(strata, name, seed, values, own, repeats=None, roles=("fit", "validate"), scatter_hz=None, model=None):
     """`record.plan.Plan` of a record of the second plant.
 
     values  {key: value} of the board's configuration;   own  file of the second plant's own text
+    model   configuration of a board without deviations; None is the default one
     """
     conditions = [strata.every | c for c in strata.plan["condition"] if c.get("role", "fit") in roles]
     priors = [{"param": p, "mean": m, "sd": sd, "unit": unit} for p, (m, sd, unit) in strata.priors.items()]
@@ -68,4 +70,7 @@ def plan(strata, name, seed, values, own, repeats=None, roles=("fit", "validate"
         "condition": conditions,
         "prior": priors,
     }
-    return plans.with_plant(plans.from_dict(tree, name), second_plant.compiled(), own)
+    checked = plans.from_dict(tree, name)
+    if model is not None:
+        checked = checked._replace(model=model, truth=changed(model, values))
+    return plans.with_plant(checked, second_plant.compiled(), own)
