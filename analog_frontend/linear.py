@@ -67,7 +67,7 @@ STATE_OFFSETS = np.array(STATE_ROWS) * STRIDE  # of each state, for laws
 
 
 @inlined
-def _forced(g, w, n, first, u, du, jit, in_u, in_du, in_jit):
+def _force_chain(g, w, n, first, u, du, jit, in_u, in_du, in_jit):
     """What its DAC gives to the three states of a chain."""
     for t in range(0, n, LANES):
         for k in range(3):
@@ -106,8 +106,8 @@ def _pairs_of_three(g, w, n, a, row_a, from_a, b, row_b, from_b):
 @outlined
 def chains(g, w, n):
     """The two output chains: rows D1 .. S3 from their inputs. Mutates `w`."""
-    _forced(g, w, n, D1, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, U_DRIVE, DU_DRIVE, JIT_DRIVE)
-    _forced(g, w, n, S1, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, U_SENSE, DU_SENSE, JIT_SENSE)
+    _force_chain(g, w, n, D1, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, U_DRIVE, DU_DRIVE, JIT_DRIVE)
+    _force_chain(g, w, n, S1, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, U_SENSE, DU_SENSE, JIT_SENSE)
     _pairs_of_three(g, w, n, D1, D1, FORCED_CHAIN, S1, S1, FORCED_CHAIN + 3)
 
 
@@ -152,7 +152,7 @@ def _step_modes(g, w, n, e, laws, gains, pushed):
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
         if pushed:
-            add_x = effects.force_impulse(e, x, law.acting(w, STATE_OFFSETS, law.U, t, t + 1, laws.leads))
+            add_x = effects.force_impulse(e, x, law.instant_state(w, STATE_OFFSETS, law.U, t, t + 1, laws.leads))
             if laws.force:
                 law_x, law_y = law.impulses(laws.force, laws.table, gains, w, STATE_OFFSETS, t, t + 1, laws.leads)
                 add_x, vy = add_x + law_x, vy + law_y

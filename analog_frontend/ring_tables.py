@@ -37,7 +37,7 @@ def _cubics(device, channel, temp_degc, tick_s):
     ring = ring_diode.diode_ring(*ring_diode.arguments(device, channel, temp_degc))
     curve = ring_cycle.curve(circuit(device, channel, temp_degc), INTERVALS)
     gain = abs(device.signal_gain)
-    h, lag = curve.step_f, curve.lag_v_s_per_f
+    h, lag = curve.step_f, curve.slope_v_s_per_f
     bend = np.concatenate([[0.0], (lag[2:] - lag[:-2]) / 2, [lag[-1] - lag[-2]]])  # L' times the interval
     area = np.concatenate([[0.0], np.cumsum(h * ((lag[1:] + lag[:-1]) / 2 + (bend[:-1] - bend[1:]) / 12))])
     linear = ring.gain_v_per_f * h

@@ -1,7 +1,7 @@
 """The demodulators of a block: stretches without a reference edge, and the ticks in which a switch moves.
 
     edge at clock c --> switch_tau_s[level, c] + jitter --> instant in its tick, or in the next one (switch_carry)
-A tick without an edge is one step of the capacitors (`sid.between`, `sid.follow_tick`), one with edges is pieces
+A tick without an edge is one step of the capacitors (`sid.follow_ticks`, `sid.follow_tick`), one with edges is pieces
 (`sid.edge`). `p` and `s` are `Params` and `State` of the plant.
 Source    docs/parts/sid.md, docs/parts/top.md
 """
@@ -75,7 +75,7 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s, temp_degc):
         if deferred == 0:
             until = min(edges[k, 0] // clocks, n) if k < edge_count else n
         if until > t:
-            sid.between(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
+            sid.follow_ticks(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
             t = until
         else:
             last = k
@@ -97,7 +97,7 @@ class Switches(NamedTuple):
 
 
 @inlined
-def acting(p, tick, t, d, ref, first, last, edges, pending_tau_s, pending_count, taus):
+def switch_instants(p, tick, t, d, ref, first, last, edges, pending_tau_s, pending_count, taus):
     """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
 
     p            Switches
@@ -144,7 +144,9 @@ def _switch(p, s, tick, t, first, last, edges, added, driver_s):
     pending = 0
     for d in range(DEMODULATORS):
         waiting = s.late_count[d]
-        count, deferred = acting(switches, tick, t, d, s.switch[d], first, last, edges, s.late_tau_s[d], waiting, taus)
+        count, deferred = switch_instants(
+            switches, tick, t, d, s.switch[d], first, last, edges, s.late_tau_s[d], waiting, taus
+        )
         s.late_count[d] = deferred
         pending += deferred
         path = (PATH if d < 2 else PATH + 3) * STRIDE + t

@@ -228,7 +228,7 @@ def _columns(s):
 
 
 @inner
-def blended(p, values, temp_degc):
+def blend_scalar(p, values, temp_degc):
     """A scalar of the tables at a temperature."""
     if p.temp_count == 1:
         return values[0]
@@ -243,8 +243,8 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
         s.now[NOW_RATE], s.now[NOW_STIFFNESS], s.now[NOW_TEMP] = rate_rad_s, quad_code, temp_degc
         return
     volts = quad_code * p.quad_lsb_v
-    kq = blended(p, p.tables.kq_n_per_m_per_v2, temp_degc)
-    tune(p, s, rate_rad_s, blended(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts), temp_degc)
+    kq = blend_scalar(p, p.tables.kq_n_per_m_per_v2, temp_degc)
+    tune(p, s, rate_rad_s, blend_scalar(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts), temp_degc)
 
 
 @inner

@@ -19,7 +19,7 @@ import pages  # noqa: E402
 from analog_frontend.effects import catalogue  # noqa: E402
 from analog_frontend.parts import device  # noqa: E402
 from testbench import config  # noqa: E402
-from testbench.console.markdown import replaced  # noqa: E402
+from testbench.console.markdown import replace_part  # noqa: E402
 from testbench.measured.closed_loop import loop_runs  # noqa: E402
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run  # noqa: E402
 from testbench.measured.closed_loop.loop_tangents import use_uniform_references  # noqa: E402
@@ -148,7 +148,7 @@ def main(names):
     for name, values in measure_table(chosen).items():
         path = FOLDER / f"{name}.md"
         page = renew(known[name], path.read_text() if path.exists() else None)
-        write_text(path, replaced(page, "measured", table(known[name], values)))
+        write_text(path, replace_part(page, "measured", table(known[name], values)))
     pages.renew(pages.OF_EFFECTS)
     return 0
 

@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 from fpga_model import fault_monitor, sequencer  # noqa: E402
 from fpga_model.rates import FRAME_HZ, TICK_HZ  # noqa: E402
 from testbench.config import Config, changed  # noqa: E402
-from testbench.console.markdown import markdown, replaced  # noqa: E402
+from testbench.console.markdown import markdown, replace_part  # noqa: E402
 from testbench.console.text_table import Table  # noqa: E402
 from testbench.run import simulate  # noqa: E402
 from testbench.run.anomaly_warnings import AnomalyDetector  # noqa: E402
@@ -106,13 +106,13 @@ def main(arguments=None):
     parser.add_argument("--hours", type=float, help="simulate both boards without a fault for so many hours")
     options = parser.parse_args(arguments)
     if options.hours:
-        write_text(PAGE, replaced(PAGE.read_text(), "hours", hours_part(options.hours)))
+        write_text(PAGE, replace_part(PAGE.read_text(), "hours", hours_part(options.hours)))
         return 0
     found = []
     for case in fault_table.cases():
         found.append((case, fault_table.run(case)))
         print(" | ".join(cells(*found[-1])), flush=True)
-    write_text(PAGE, replaced(PAGE.read_text(), "table", table(found)))
+    write_text(PAGE, replace_part(PAGE.read_text(), "table", table(found)))
     return 0
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from testbench.console.markdown import markdown, replaced  # noqa: E402
+from testbench.console.markdown import markdown, replace_part  # noqa: E402
 from testbench.console.text_table import Table  # noqa: E402
 from testbench.measured.exam.part_page import is_unexplained, number  # noqa: E402
 from testbench.measured.sets_report import residual_words  # noqa: E402
@@ -92,11 +92,11 @@ def renew():
     """{path: text} of the pages with their tables from the kept numbers."""
     kept = json.loads(KEPT.read_text())
     resonators, parts = (ROOT / "docs" / name for name in ("measured_resonators.md", "measured_parts.md"))
-    one = replaced(resonators.read_text(), "heldout", heldout_part(kept, RESONATORS))
+    one = replace_part(resonators.read_text(), "heldout", heldout_part(kept, RESONATORS))
     others = [name for name in kept if name not in RESONATORS and name != "paper_numbers"]
-    two = replaced(parts.read_text(), "heldout", heldout_part(kept, others))
-    two = replaced(replaced(two, "rest", rest_part(kept, others)), "loop", loop_part(kept))
-    return {resonators: replaced(one, "rest", rest_part(kept, ["quartz_vna"])), parts: two}
+    two = replace_part(parts.read_text(), "heldout", heldout_part(kept, others))
+    two = replace_part(replace_part(two, "rest", rest_part(kept, others)), "loop", loop_part(kept))
+    return {resonators: replace_part(one, "rest", rest_part(kept, ["quartz_vna"])), parts: two}
 
 
 def main(arguments=None):

@@ -40,7 +40,7 @@ from analog_frontend.effects import catalogue  # noqa: E402
 from fpga_model import registers  # noqa: E402
 from testbench import config  # noqa: E402
 from testbench.config import Config  # noqa: E402
-from testbench.console.markdown import markdown, replaced  # noqa: E402
+from testbench.console.markdown import markdown, replace_part  # noqa: E402
 from testbench.console.text_table import Table, fixed_digits  # noqa: E402
 from testbench.judge import judge, phases  # noqa: E402
 from testbench.judge.number_verdict import NOT_COMPUTED  # noqa: E402
@@ -215,7 +215,7 @@ def with_parts(**parts):
 
     def renewed(page):
         for name, part in parts.items():
-            page = replaced(page, name, part())
+            page = replace_part(page, name, part())
         return page
 
     return renewed

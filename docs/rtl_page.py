@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from testbench.console.markdown import replaced  # noqa: E402
+from testbench.console.markdown import replace_part  # noqa: E402
 from testbench.golden.bundles import scores  # noqa: E402
 from testbench.golden.proofs import synthesis  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
@@ -76,8 +76,8 @@ def write_scores(out):
         return 2
     found = {"mutation": fresh.get("mutation", known["mutation"]), "times": known["times"] | fresh.get("times", {})}
     write_text(scores.FILE, json.dumps(found, indent=1) + "\n")
-    text = replaced(PAGE.read_text(), "mutation", scores_table(found["mutation"]))
-    write_text(PAGE, replaced(text, "times", times(found["times"])))
+    text = replace_part(PAGE.read_text(), "mutation", scores_table(found["mutation"]))
+    write_text(PAGE, replace_part(text, "times", times(found["times"])))
     print(f"written: {scores.FILE.name}, {PAGE.name}")
     return 0
 
@@ -88,7 +88,7 @@ def write_resources():
     for family in synthesis.MAPPERS:
         netlists.append(synthesis.synthesise(synthesis.RTL, family))
         print(netlists[-1].text(), flush=True)
-    write_text(PAGE, replaced(PAGE.read_text(), "resources", netlists_table(netlists)))
+    write_text(PAGE, replace_part(PAGE.read_text(), "resources", netlists_table(netlists)))
     print(f"written: {PAGE.name}")
     return 0
 

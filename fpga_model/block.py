@@ -159,12 +159,12 @@ def raws(shape, raw_values):
     return [by_name[port_name(name)] for name, _ in leaves(shape)]
 
 
-def filled(shape, take):
+def fill_shape(shape, take):
     """The shape with `take(leaf)` at each leaf, depth first; a list becomes a tuple, None and a design stay."""
     if shape is None or isinstance(shape, Design):
         return shape
     if isinstance(shape, (tuple, list)) and not isinstance(shape, Fmt):
-        items = [filled(item, take) for item in shape]
+        items = [fill_shape(item, take) for item in shape]
         return type(shape)(*items) if hasattr(shape, "_fields") else tuple(items)
     return take(shape)
 
@@ -178,7 +178,7 @@ def design_formats(shape, design):
     """The formats of a shape at a design; a record is named by its type."""
     if isinstance(shape, type):
         return formats(shape, design)
-    return filled(shape, lambda fmt: fmt.for_design(design))
+    return fill_shape(shape, lambda fmt: fmt.for_design(design))
 
 
 def reset(state, params):
@@ -251,17 +251,17 @@ def state_modules(state):
     return {name: importlib.import_module(kind.__module__) for name, kind in kinds.items()}
 
 
-def inherited(module, get):
+def values_by_prefix(module, get):
     """{prefix: value of `get`} of a block and of those within it that declare themselves."""
     by_prefix = {"": get(module.BLOCK)}
     for field, part in state_modules(module.State).items():
-        by_prefix |= {f"{field}_{prefix}": value for prefix, value in inherited(part, get).items()}
+        by_prefix |= {f"{field}_{prefix}": value for prefix, value in values_by_prefix(part, get).items()}
     return by_prefix
 
 
 def rules(module):
     """{register: (rounding, overflow)}, with those of the blocks within."""
-    return {prefix + name: rule for prefix, block_rules in inherited(module, lambda b: b.rules).items()
+    return {prefix + name: rule for prefix, block_rules in values_by_prefix(module, lambda b: b.rules).items()
             for name, rule in block_rules.items()}  # fmt: skip
 
 

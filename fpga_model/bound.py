@@ -78,7 +78,7 @@ def _digest_function(function):
     return _read[function][2:]
 
 
-def _reached(function):
+def _reachable_functions(function):
     """{function: (text, functions)} of a function and all that it reaches."""
     digests, ahead = {}, [function]
     while ahead:
@@ -91,15 +91,17 @@ def _reached(function):
 
 def digest(function):
     """SHA-256 of everything that a Python function would be compiled from now."""
-    return hashlib.sha256("\n".join(sorted(text for text, _ in _reached(function).values())).encode()).hexdigest()
+    return hashlib.sha256(
+        "\n".join(sorted(text for text, _ in _reachable_functions(function).values())).encode()
+    ).hexdigest()
 
 
 def compiled(function):
     """Note that a function has been compiled, or loaded, as it stands now."""
-    _compiled.update(_reached(function))
+    _compiled.update(_reachable_functions(function))
 
 
-def replaced():
+def outdated_functions():
     """Names of compiled functions in which a name stands for something else now: their machine code is outdated."""
     # another thread may compile meanwhile
     digests = tuple(_compiled.items())

@@ -113,7 +113,7 @@ def output_params(bank):
 
 
 @inner
-def filtered(p, s, at_notch, word):
+def step_notch(p, s, at_notch, word):
     """The notch after a clock edge; None where there is none."""
     if s is None:
         return s
@@ -194,12 +194,12 @@ def loops(d, p, s, slot, i, bank):
             i.temperature,
         ),
         sequencer=s.sequencer,
-        notch=filtered(p.notch, s.notch, 1 if slot == SLOT_NOTCH else 0, s.rate_loop.loop.y),
+        notch=step_notch(p.notch, s.notch, 1 if slot == SLOT_NOTCH else 0, s.rate_loop.loop.y),
     )
 
 
 @inner
-def sequenced(p, s, i, bank):
+def step_sequencer(p, s, i, bank):
     """The sequencer after SLOT_SEQUENCER."""
     return sequencer.step(
         p.sequencer,
@@ -237,7 +237,7 @@ def step(d, p, s, slot, i, bank):
         after.rate_loop,
         after.quadrature_loop,
         after.rate_output,
-        sequenced(p, s, i, bank),
+        step_sequencer(p, s, i, bank),
         after.notch,
     )
 

@@ -123,7 +123,7 @@ def design(
 
 
 @inlined
-def _signed(refs, k, x):
+def _apply_sign(refs, k, x):
     return x if (refs >> k) & 1 else -x
 
 
@@ -174,7 +174,12 @@ def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
         rests = sample_x == s.last[0] or sample_y == s.last[1]
         still = clamp(s.still + 1, 0, p.still) if rests else 0
         line = (refs, s.refs[0], s.refs[1], s.refs[2])
-        x = (_signed(now, 0, sample_x), _signed(now, 1, sample_x), _signed(now, 2, sample_y), _signed(now, 3, sample_y))
+        x = (
+            _apply_sign(now, 0, sample_x),
+            _apply_sign(now, 1, sample_x),
+            _apply_sign(now, 2, sample_y),
+            _apply_sign(now, 3, sample_y),
+        )
         if dump:
             a = s.acc
             total = (a[0] << POLE.f, a[1] << POLE.f, a[2] << POLE.f, a[3] << POLE.f)

@@ -34,7 +34,7 @@ CACHE = cache_folder(Path(__file__).resolve()) is not None
 
 
 @contextlib.contextmanager
-def _uncollected():
+def _pause_collector():
     """Without the collector, which would look through millions of objects of a compilation that still lives."""
     was = gc.isenabled()
     gc.disable()
@@ -77,7 +77,7 @@ def _compile_unit(func, buried=False, **options):
                 # nothing calls itself, so none waits in a ring
                 compiles = f"compiles {func.__module__}.{func.__qualname__}"
                 file_lock = shared_files.wait_for_lock(cache.lock, compiles) if cache else contextlib.nullcontext()
-                with file_lock, _uncollected():
+                with file_lock, _pause_collector():
                     if cache is not None:
                         cache.read(signature)
                     entry = compile_or_load(signature)

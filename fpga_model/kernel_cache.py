@@ -62,7 +62,7 @@ def _module_file(name):
 
 
 @functools.cache
-def imported(path):
+def imported_files(path):
     """Our own source files that the file `path` imports, with the packages above them."""
     files = set()
     for module, names, plain in IMPORT.findall(path.read_text()):
@@ -84,7 +84,7 @@ def kernel_sources(path):
         file = ahead.pop()
         if file not in sources:
             sources.add(file)
-            ahead.extend(imported(file))
+            ahead.extend(imported_files(file))
     return tuple(sorted(sources))
 
 

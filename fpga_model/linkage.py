@@ -53,15 +53,16 @@ class Part(JITCodeLibrary):
     def _get_module_for_linking(self):
         """The function and all that it reaches, each once, to be included in a caller."""
         if self._shared_module is None:
-            self._shared_module = _shared(self)
-            for library in _reached(self)[1:]:
+            self._shared_module = _linkonce_module(self)
+            for library in _reachable_libraries(self)[1:]:
                 self._shared_module.link_in(
-                    _shared(library) if isinstance(library, Part) else library._get_module_for_linking(), preserve=True
+                    _linkonce_module(library) if isinstance(library, Part) else library._get_module_for_linking(),
+                    preserve=True,
                 )
         return self._shared_module
 
 
-def _shared(part):
+def _linkonce_module(part):
     """A copy of a part's own module whose functions may be defined twice and dropped."""
     module = part._final_module.clone()
     for function in module.functions:
@@ -70,7 +71,7 @@ def _shared(part):
     return module
 
 
-def _reached(part):
+def _reachable_libraries(part):
     """The libraries that a part reaches, itself first, each once and behind all that use it.
 
     LLVM's linker takes in what may be dropped only where something that it has already asks for it.

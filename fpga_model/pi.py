@@ -89,7 +89,7 @@ def design(kp, ki_per_s, frame_hz, lo, hi):
     return p
 
 
-def narrowed(p, fraction_bits):
+def round_gains(p, fraction_bits):
     """The same `Params` with kp and ki rounded to `fraction_bits`, ties to even: what a narrower multiplier holds.
 
     They stay in their format, so that prop and acc end in COEF.f - fraction_bits zeros. Raises ValueError if a gain

@@ -34,7 +34,7 @@ class _Attribute(AttributeTemplate):
 
 
 @lower_builtin(KEY, types.BaseNamedTuple, types.VarArg(types.Any))
-def _lowered(context, builder, sig, args):
+def _lower_replace(context, builder, sig, args):
     record, *new_values = args
     items = (
         builder.extract_value(record, k) if kind is types.none else value

@@ -85,7 +85,7 @@ def read_clocks(d):
 
 
 @inlined
-def stored(c, k, x):
+def replace_channel(c, k, x):
     """The eight channels with channel k replaced."""
     return (
         x if k == 0 else c[0],
@@ -130,7 +130,7 @@ def step(d, s, drdy_n, dout):
                     if s.word == 0:
                         status = shift
                     else:
-                        channels = stored(s.channels, s.word - 1, wrap(shift, WORD_BITS))
+                        channels = replace_channel(s.channels, s.word - 1, wrap(shift, WORD_BITS))
                     if s.word == d.adc_channels:
                         valid = 1
                         ok = 1 if s.status >> HEAD_SHIFT == HEAD else 0

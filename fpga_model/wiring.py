@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fpga_model import block, control, top
-from fpga_model.block import BIT, block_modules, filled, leaves, port_name, python_function
+from fpga_model.block import BIT, block_modules, fill_shape, leaves, port_name, python_function
 from fpga_model.design_record import DEFAULT
 from fpga_model.fixed import Fmt, bits, formats
 
@@ -138,7 +138,7 @@ class Trace:
     def record(self, shape, path, kind, contents=block.NOTHING):
         """A record of signals, known by its path; `contents` has the formats of what some of them hold."""
         signals = iter([direct(name, contents.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
-        signal_record = filled(shape, lambda _: next(signals))
+        signal_record = fill_shape(shape, lambda _: next(signals))
         self.name(signal_record, path)
         return signal_record
 
@@ -251,7 +251,7 @@ class Trace:
                         both = merge_signals(on.get(name, off.get(name)), off.get(name, on.get(name)))
                         self.assign(ast.Name(name), both, env)
             elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
-                raise self.refused(node, where)
+                raise self.unsupported_node(node, where)
         return returned
 
     def assign(self, target, value, env):
@@ -301,7 +301,7 @@ class Trace:
                 return func(*args, **kwargs)
             func = python_function(func)
             return self.call(func, inspect.signature(func).bind(*args, **kwargs).arguments)
-        raise self.refused(node, where)
+        raise self.unsupported_node(node, where)
 
     def bitwise(self, node, a, b):
         """Bits of two signals, or some low bits of one."""
@@ -309,7 +309,7 @@ class Trace:
             return logic(ast.unparse(node), bits(b.bit_length()))
         return Signal(tuple(dict.fromkeys(a.leaves + b.leaves)), "")
 
-    def refused(self, node, where):
+    def unsupported_node(self, node, where):
         return Unsupported(f"{where[1]}: {ast.unparse(node)} is not understood as wiring")
 
 

@@ -8,7 +8,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, register_jitable
 
-from fpga_model.block import filled, leaves
+from fpga_model.block import fill_shape, leaves
 from fpga_model.jit import DISABLED
 
 format_leaves = leaves  # of a tree of formats, where a `Fmt` is a leaf
@@ -22,7 +22,7 @@ def names(record):
 def rebuild(template, row):
     """Record of the same shape as `template` from a row of integers; the inverse of `store`."""
     values = iter(row)
-    return filled(template, lambda _: int(next(values)))
+    return fill_shape(template, lambda _: int(next(values)))
 
 
 def _store_python(row, record):

@@ -207,7 +207,7 @@ def test_no_kernel_is_compiled_from_an_effect_of_the_catalogue():
 
 
 def test_points_of_a_campaign_depend_on_every_effect():
-    assert {effect.__name__ for effect in catalogue.LAWS} <= set(sources.reached("testbench.run.simulate"))
+    assert {effect.__name__ for effect in catalogue.LAWS} <= set(sources.reachable_modules("testbench.run.simulate"))
 
 
 MEASURE = """

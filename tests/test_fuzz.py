@@ -47,7 +47,7 @@ def test_the_corpus_is_read(folder):
         lambda: recording_plan.read(folder / "measured.toml"),
         lambda: config.load(folder / "config.toml"),
         lambda: load_record.load(folder / "gyrorec.h5", replay=False),
-        lambda: assemble.imported([folder / "lab.csv"], folder / "lab.toml"),
+        lambda: assemble.import_files([folder / "lab.csv"], folder / "lab.toml"),
         *(kinds.part(folder / name) for name in corpus.PARTS),
         *(kinds.part(folder / "maps" / kind / "map.toml") for kind in corpus.MAPPED),
         *(

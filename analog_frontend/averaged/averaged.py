@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analog_frontend.numeric.exact import MP
-from analog_frontend.numeric.small_algebra import exp, log, plus, solved, times, unit
+from analog_frontend.numeric.small_algebra import exp, log, plus, solve_linear, times, unit
 from analog_frontend.parts.propagator import F_X, F_Y, JETS, POWERS, U_DRIVE, U_SENSE
 
 MODE = (6, 7, 8, 9)  # x, x'/W, y, y'/W among the states of a tick
@@ -94,7 +94,7 @@ def _eigen(m):
         for _ in range(5):
             shift = value * (1 + MP.mpf(2) ** -80)
             shifted = [[m[i][j] - (shift if i == j else 0) for j in range(4)] for i in range(4)]
-            vector = solved(shifted, vector)
+            vector = solve_linear(shifted, vector)
             vector = [[v[0] / vector[mode][0]] for v in vector]
             value = sum(m[mode][k] * vector[k][0] for k in range(4))
         value, vector = complex(value), [[complex(v[0])] for v in vector]
@@ -108,7 +108,7 @@ def _steady(g, phi, excite):
     """Chain or C/V states driven at phase `phi` per tick: (z - A) c = excite; g (n, n) with the input first."""
     n = len(g)
     z = unit(phi)
-    return solved([[(z if i == j else 0) - g[j][i] for j in range(n)] for i in range(n)], [[v] for v in excite])
+    return solve_linear([[(z if i == j else 0) - g[j][i] for j in range(n)] for i in range(n)], [[v] for v in excite])
 
 
 def _drive(g, step, first, dac_row, phi):
@@ -140,7 +140,7 @@ def _pick(g, q, first, phi, w_tick):
 def _polynomial(nodes, values):
     """Coefficients of the polynomial of degree len(nodes) - 1 through complex values."""
     rows = [[complex(x**k) for k in range(len(nodes))] for x in nodes]
-    return [v[0] for v in solved(rows, [[v] for v in values])]
+    return [v[0] for v in solve_linear(rows, [[v] for v in values])]
 
 
 def _jet_product(a, b):
@@ -158,7 +158,7 @@ def _knot(t, n, w_tick, phi0, lags):
     g = t.g_jet[n]
     jets = [[[complex(g[j][k][i]) for k in MODE] for i in MODE] for j in range(JETS)]
     values, basis = _eigen([[float(g[0][k][i]) for k in MODE] for i in MODE])
-    inverse = solved(basis, [[complex(i == j) for j in range(4)] for i in range(4)])
+    inverse = solve_linear(basis, [[complex(i == j) for j in range(4)] for i in range(4)])
     jets = [times(inverse, times(m, basis)) for m in jets]
     row = np.zeros(SIZE)
     logs = [log(v) for v in values]

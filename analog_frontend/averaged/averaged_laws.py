@@ -6,7 +6,7 @@
             where a sign or an absolute value is taken, the points begin at that state's crest
     C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
             phase of its references
-    u, w    turned on by their leads: the means of staircases (`law.acting`)
+    u, w    turned on by their leads: the means of staircases (`law.instant_state`)
 
 Left out   the change of the motion within a frame; harmonics beyond 30 of sgn and abs (0.2 % of their fundamental)
 Source     docs/parts/averaged.md, docs/parts/ports.md

@@ -179,7 +179,7 @@ def _mode_states(now, m, cos, sin):
 
 
 @outlined
-def _warmed(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at):
+def _retune_temperature(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at):
     """As `retune_tables`, where the temperature moves. Mutates `now` and `m`."""
     _blend_knots(knots, lo_degc, step_k, temp_degc, now)
     stiffness = now[KXY] - now[KQ] * volts_squared
@@ -204,7 +204,7 @@ def _warmed(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc
 def retune_tables(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at):
     """Tables for a frame; cos, sin of theta and z[at ..], `motion`'s, at its first instant. Mutates `now` and `m`."""
     if now[NOW_TEMP] != temp_degc:
-        _warmed(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at)
+        _retune_temperature(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at)
         return
     stiffness = now[KXY] - now[KQ] * volts_squared
     if now[NOW_RATE] == rate_rad_s and now[NOW_STIFFNESS] == stiffness:
@@ -298,7 +298,7 @@ def set_tables(knots, lo_degc, step_k, now, rate_rad_s, stiffness, temp_degc):
 
 
 @outlined
-def projected(now, m, cos, sin, x, vx, y, vy):
+def project_modes(now, m, cos, sin, x, vx, y, vy):
     """The slow amplitudes of a state of both modes, F given: a e^(i theta) = 2 c+ - conj((S a + s F) e^(i theta))."""
     for j in range(2):
         at = BACK + 8 * j

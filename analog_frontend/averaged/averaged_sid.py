@@ -108,7 +108,7 @@ def switch_clock(p, crossed):
 
 
 @inlined
-def _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total):
+def _segment_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total):
     """What happens between two edges, in lanes: parts of w_1 .. w_3 that do not know r, and what r is multiplied by."""
     angle = past * RAD_PER_LSB
     q = angle * angle
@@ -130,7 +130,7 @@ def _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total):
 
 
 @inlined
-def _grown(swept, r1, r2, r3):
+def _integrate_group(swept, r1, r2, r3):
     """Capacitors of the closed group at the edge that opens it; area under the third / RC."""
     w1, w2, w3, w4, u, e, n = swept
     e1, e2, e3 = e * r1, e * (r2 + u * r1), e * (r3 + u * (r2 + u * r1 * 0.5))
@@ -139,7 +139,7 @@ def _grown(swept, r1, r2, r3):
 
 
 @inlined
-def _charged(p, sign, grown):
+def _inject_charge(p, sign, grown):
     """The same with what an opened switch leaves on them."""
     a1, a2, a3, _ = grown
     return (
@@ -184,11 +184,11 @@ def _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, 
         _integral(noise, begin, low(t) * p.inverse_noise), _integral(noise, begin, high(t) * p.inverse_noise)
     )
     signs, since = join_lanes(sign, 0.0 - sign), join_lanes(closed_at, low(t))
-    swept = _swept(p, signs, since, join_lanes(drawn, low(total)), t, past, tilde, poles, total)
+    swept = _segment_terms(p, signs, since, join_lanes(drawn, low(total)), t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
     r1, r2, r3 = join_lanes(r1, h1 - low(w1)), join_lanes(r2, h2 - low(w2)), join_lanes(r3, h3 - low(w3))
-    grown = _grown(swept, r1, r2, r3)
-    b1, b2, b3 = _charged(p, signs, grown)
+    grown = _integrate_group(swept, r1, r2, r3)
+    b1, b2, b3 = _inject_charge(p, signs, grown)
     edge_area, slope = _area_slope(p, signs, swept[4], grown, join_lanes(h2, low(b2)), join_lanes(h3, low(b3)))
     pick = select_lanes(splat(p.sampled), t, select_lanes(since, splat(p.sampled - 1e-6), one, zero), zero)
     picked = select_lanes(splat4(1.0), low(pick), (area + low(edge_area), began, low(t), low(slope)), picked)
@@ -214,13 +214,13 @@ def _last_edge(p, s, waiting, on_old, new, gap_new, tilde, poles, noise, begin):
     # what crosses in this frame and acts in the next one
     deferred = select_lanes(one, acts, zero, select_lanes(crossed, end, one, zero))
     total = _integral(noise, begin, t * p.inverse_noise)
-    swept = _swept(p, sign, closed_at, drawn, t, past, tilde, poles, total)
+    swept = _segment_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
-    grown = _grown(swept, r1, r2, r3)
+    grown = _integrate_group(swept, r1, r2, r3)
     edge_area, slope = _area_slope(p, sign, swept[4], grown, h2, h3)
     pick = select_lanes(splat4(p.sampled), t, select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
     picked = select_lanes(one, pick, (area + edge_area, began, t, slope), picked)
-    a1, a2, a3 = _charged(p, sign, grown)
+    a1, a2, a3 = _inject_charge(p, sign, grown)
     after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, edge_area, closed_at)
     waits_next = select_lanes(one, deferred, (t - end, past), (zero - one, zero))
     return select_lanes(one, acts, after, s[:11]) + waits_next + (picked,)
@@ -249,14 +249,14 @@ def _edge(p, s, n, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, no
     # beyond the frame nothing is read
     t_read = select_lanes(t, end, t, end)
     total = _integral(noise, begin, t_read * p.inverse_noise)
-    swept = _swept(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
+    swept = _segment_terms(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
-    grown = _grown(swept, r1, r2, r3)
+    grown = _integrate_group(swept, r1, r2, r3)
     edge_area, slope = _area_slope(p, sign, swept[4], grown, h2, h3)
     # the first from `sampled` on, or the last of those before it
     pick = select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero)
     picked = select_lanes(one, pick, (area + edge_area, began, t_read, slope), picked)
-    a1, a2, a3 = _charged(p, sign, grown)
+    a1, a2, a3 = _inject_charge(p, sign, grown)
     after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, edge_area, closed_at)
     # what had waited has acted
     waits_next = select_lanes(one, was_waiting, (zero - one, zero), (waits, past_waits))

@@ -190,7 +190,7 @@ OFF = design((), 1.0, 1.0, 1.0, 0.0)
 
 
 @inlined
-def dressed(v, dress):
+def dress_value(v, dress):
     """v, |v| or its sign; zero has none."""
     if dress == SGN:
         return 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
@@ -256,9 +256,9 @@ def gains(force, cv, temp_ref_degc, table, numbers, rate_rad_s, temp_degc, t_s, 
     for k in range(force + cv):
         g = numbers[k, GAIN]
         for _ in range(table[k, RATE_POWER]):
-            g = g * dressed(rate_rad_s, table[k, RATE_DRESS])
+            g = g * dress_value(rate_rad_s, table[k, RATE_DRESS])
         for _ in range(table[k, TEMP_POWER]):
-            g = g * dressed(temp_degc - temp_ref_degc, table[k, TEMP_DRESS])
+            g = g * dress_value(temp_degc - temp_ref_degc, table[k, TEMP_DRESS])
         if table[k, TIME]:
             keys = table[k, KEY0], table[k, KEY1]
             g = g * _in_time(table[k, TIME], numbers[k, TIME_ARGUMENT], t_s, keys[0], keys[1])
@@ -271,12 +271,12 @@ def value(table, gain, k, w, offsets, at):
     v = gain[k]
     for j in range(FIRST, FIRST + table[k, COUNT]):
         code = table[k, j]
-        v = v * dressed(w[offsets[code & 15] + at], code & 48)
+        v = v * dress_value(w[offsets[code & 15] + at], code & 48)
     return v
 
 
 @inlined
-def acting(w, offsets, state, at, end, leads):
+def instant_state(w, offsets, state, at, end, leads):
     """A state at a tick's first instant; of an electrode its mean about that instant."""
     v = w[offsets[state] + at]
     if state == U:
@@ -293,7 +293,7 @@ def impulses(force, table, gain, w, offsets, at, end, leads):
     for k in range(force):
         v = gain[k]
         for j in range(FIRST, FIRST + table[k, COUNT]):
-            v = v * dressed(acting(w, offsets, table[k, j] & 15, at, end, leads), table[k, j] & 48)
+            v = v * dress_value(instant_state(w, offsets, table[k, j] & 15, at, end, leads), table[k, j] & 48)
         if table[k, AT_PORT] == 0:
             x = x + v
         else:

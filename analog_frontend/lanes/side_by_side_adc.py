@@ -127,7 +127,7 @@ def gather_outputs(a, out, k, ticks):
 
 
 @inlined
-def _added(a, c, w0, w1, w2, v):
+def _accumulate_sample(a, c, w0, w1, w2, v):
     at = WIDTH * c * LANES
     store(a.sums, at, load(a.sums, at) + w0 * v)
     store(a.sums, at + LANES, load(a.sums, at + LANES) + w1 * v)
@@ -135,7 +135,7 @@ def _added(a, c, w0, w1, w2, v):
 
 
 @inlined
-def _summed(a, out, p, due, m, end):
+def _sum_samples(a, out, p, due, m, end):
     """Samples from `due` to `end`, or to the last of a conversion; returns when the next is due, and its place."""
     sensor = load(a.sensor_v, 0)
     tick = due // p.tick_units
@@ -149,8 +149,8 @@ def _summed(a, out, p, due, m, end):
         w0, w1, w2 = splat(w0), splat(w1), splat(w2)
         for c in range(TEMPERATURE):
             start = load(out, (c * TICKS + tick) * LANES)
-            _added(a, c, w0, w1, w2, start + frac * (load(out, (c * TICKS + tick + 1) * LANES) - start))
-        _added(a, TEMPERATURE, w0, w1, w2, sensor)
+            _accumulate_sample(a, c, w0, w1, w2, start + frac * (load(out, (c * TICKS + tick + 1) * LANES) - start))
+        _accumulate_sample(a, TEMPERATURE, w0, w1, w2, sensor)
         m += 1
         due = due + p.period
         offset = offset + p.period
@@ -181,7 +181,7 @@ def _flicker(a, c, counts):
 
 
 @outlined
-def _converted(floats, ints, normal):
+def _finish_conversion(floats, ints, normal):
     """The end of a frame of all eight, as adc.convert. Mutates both arrays."""
     a, active = opened(floats, ints), side_by_side.opened(floats, ints).active
     for k in range(LANES):
@@ -217,10 +217,10 @@ def convert_lanes(floats, ints, p, first, ticks):
     due, m, end = a.clock[first, DUE], a.clock[first, SAMPLE], ticks * p.tick_units
     pending = a.clock[first, PENDING]
     while due < end:
-        due, m = _summed(a, v.out, p, due, m, end)
+        due, m = _sum_samples(a, v.out, p, due, m, end)
         if m == p.decimation:
             m, pending = 0, due - p.period + p.delay
-            _converted(floats, ints, p.normal)
+            _finish_conversion(floats, ints, p.normal)
     for k in range(LANES):
         if v.active[k]:
             a.clock[k, DUE], a.clock[k, SAMPLE], a.clock[k, PENDING] = due - end, m, pending

@@ -160,7 +160,7 @@ def _chains(v, n):
 
 
 @inlined
-def _forced(v, n):
+def _force_modes(v, n):
     """What all inputs give to the modes, in the order of INPUTS; two ticks at a time share the matrix."""
     g, w = v.g, v.w
     for t in range(0, n * LANES, 2 * LANES):
@@ -252,7 +252,7 @@ def push(kind, floats, ints, at):
         if e.any_force or force:
             k = at + plant
             leads = v.law_leads[plant]
-            add_x = effects.force_impulse(e, w[X + k], law.acting(w, STATE_OFFSETS, law.U, k, k + LANES, leads))
+            add_x = effects.force_impulse(e, w[X + k], law.instant_state(w, STATE_OFFSETS, law.U, k, k + LANES, leads))
             if force:
                 table, gains = v.law_tables[plant], v.law_gains[plant]
                 law_x, law_y = law.impulses(force, table, gains, w, STATE_OFFSETS, k, k + LANES, leads)
@@ -287,7 +287,7 @@ def linear(kind, floats, ints, tick, first, n):
     v = opened(floats, ints)
     _fill_inputs(v, tick, first, n)
     _chains(v, n)
-    _forced(v, n)
+    _force_modes(v, n)
     _advance_modes(v, kind, floats, ints, n)
     _pickoff(v, AT_PICKOFF, AT_CV, 80, X, VX, END_VX, CX1, PATH_X, n)
     _pickoff(v, AT_PICKOFF + 192, AT_CV + CV, 104, Y, VY, END_VY, CY1, PATH_Y, n)

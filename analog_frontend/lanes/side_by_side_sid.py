@@ -1,6 +1,6 @@
 """Eight plants: the demodulators of a strip of ticks, and the ticks in which a reference edge falls.
 
-Without an edge all 32 demodulators follow at once, as sid.py's `between`. Edges are gathered, one of each plant in a
+Without an edge all 32 demodulators follow at once, as `follow_ticks` of sid.py. Edges are gathered, one of each plant in a
 slot: what does not depend on the capacitors is computed for all eight at once, as sid.py's `edge` does; then the
 capacitors change one by one. Strips that differ (an edge that acts a tick later) go by the functions that `top` calls.
 Source    docs/decisions/0012-lanes.md
@@ -22,10 +22,10 @@ from analog_frontend.lanes.side_by_side import (
     TICKS,
     opened,
 )
-from analog_frontend.numeric.vector import clamped, integers, load, splat, store, store_rows
+from analog_frontend.numeric.vector import clamp_lanes, integers, load, splat, store, store_rows
 from analog_frontend.parts import noise, sid
 from analog_frontend.parts.sid import STAGES, TERMS
-from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, acting, apply_switches
+from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, apply_switches, switch_instants
 from fpga_model.jit import inlined, outlined
 
 LATER = 1 << 40
@@ -35,7 +35,7 @@ Q, FIRST, SECOND = 0, 3, 9
 
 
 @inlined
-def _followed(v, d, f1, f2, f3):
+def _follow_lanes(v, d, f1, f2, f3):
     """A tick of demodulator `d` without an edge; returns its output. Mutates `v.on`."""
     at = 3 * d * LANES
     e1, e2, e3 = load(v.sid, 0), load(v.sid, LANES), load(v.sid, 2 * LANES)
@@ -129,7 +129,7 @@ def _term(v, i, j, v0, a, c2, c3, s):
 
 
 @inlined
-def _answered(v, slot):
+def _compute_factors(v, slot):
     """What the edges of a slot give that does not depend on the capacitors. Mutates v.factors."""
     x, f = slot * EDGE_INPUT_ROWS * LANES, slot * FACTORS * LANES
     tau = load(v.edge_inputs, x + TAU * LANES)
@@ -138,7 +138,7 @@ def _answered(v, slot):
         word, _ = noise.words(integers(v.keys, at), integers(v.keys, at + LANES), integers(v.counters, slot * LANES))
         tau = tau + load(v.sigma, at) * noise.ih4(word)
     h_s, r, gain, driver_s = load(v.h_s, 0), load(v.r, 0), load(v.slope_gain, 0), load(v.driver_s, 0)
-    s = clamped(tau, splat(0.0), h_s) / h_s
+    s = clamp_lanes(tau, splat(0.0), h_s) / h_s
     v0, v1 = load(v.edge_inputs, x + V0 * LANES), load(v.edge_inputs, x + V1 * LANES)
     dv0 = (gain * load(v.edge_inputs, x + BEFORE * LANES) - v0) / driver_s
     dv1 = (gain * load(v.edge_inputs, x + AFTER * LANES) - v1) / driver_s
@@ -158,7 +158,7 @@ def gather(floats, ints, tick, first, n):
         most = max(most, v.slots[plant])
         soonest = min(soonest, v.due[plant])
     for slot in range(most):
-        _answered(v, slot)
+        _compute_factors(v, slot)
     return soonest
 
 
@@ -175,7 +175,7 @@ def _segment_lanes(v, f, n, w1, w2, w3, q1, q2, q3):
 
 
 @inlined
-def _applied(v, t, plant, touched_count):
+def _apply_edges(v, t, plant, touched_count):
     """The edges of one plant in tick `t` of the block, behind `touched_count` of others; returns the new count.
 
     Leaves what they give in v.fixed and v.touched.
@@ -225,7 +225,7 @@ def _load_group(v, plant, d, ref):
 
 @outlined
 def _switch_plant(floats, ints, tick, t, row, plant, touched_count):
-    """Tick `t` of a block for a plant in which switches move, in place `row` of the strip; as `_applied`."""
+    """Tick `t` of a block for a plant in which switches move, in place `row` of the strip; as `_apply_edges`."""
     v = opened(floats, ints)
     edge_count, edges = v.edge_counts[plant], v.edges[plant]
     first = v.edge_index[plant]
@@ -242,7 +242,9 @@ def _switch_plant(floats, ints, tick, t, row, plant, touched_count):
     pending = 0
     for d in range(DEMODULATORS):
         ref, pending_tau_s, waiting = v.switch[plant, d], v.late_tau_s[plant, d], v.late_count[plant, d]
-        count, deferred = acting(switches, tick + t, t, d, ref, first, last, edges, pending_tau_s, waiting, v.taus_s)
+        count, deferred = switch_instants(
+            switches, tick + t, t, d, ref, first, last, edges, pending_tau_s, waiting, v.taus_s
+        )
         v.late_count[plant, d] = deferred
         pending += deferred
         if count > 0:
@@ -269,7 +271,7 @@ def _switch_plant(floats, ints, tick, t, row, plant, touched_count):
 
 
 @inlined
-def _repaired(v, t, touched_count):
+def _store_touched(v, t, touched_count):
     """Capacitors and outputs of the demodulators with an edge in tick `t`, over those of a tick without one."""
     for i in range(touched_count):
         index = v.touched[i]
@@ -309,12 +311,12 @@ def demodulate(floats, ints, tick, first, n):
                     if v.slots[plant] < 0:
                         touched_count = _switch_plant(floats, ints, tick, first + t, t, plant, touched_count)
                     else:
-                        touched_count = _applied(v, first + t, plant, touched_count)
+                        touched_count = _apply_edges(v, first + t, plant, touched_count)
                 soonest = min(soonest, v.due[plant])
         f1, f2, f3 = _feed(v, t * LANES, PATH_X, NX)
         g1, g2, g3 = _feed(v, t * LANES, PATH_Y, NY)
-        drive = _followed(v, 0, f1, f2, f3), _followed(v, 1, f1, f2, f3)
-        sense = _followed(v, 2, g1, g2, g3), _followed(v, 3, g1, g2, g3)
+        drive = _follow_lanes(v, 0, f1, f2, f3), _follow_lanes(v, 1, f1, f2, f3)
+        sense = _follow_lanes(v, 2, g1, g2, g3), _follow_lanes(v, 3, g1, g2, g3)
         store_rows(v.out, (first + t + 1) * LANES, TICKS * LANES, drive + sense)
         if touched_count:
-            _repaired(v, first + t, touched_count)
+            _store_touched(v, first + t, touched_count)

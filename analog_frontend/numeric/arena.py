@@ -20,7 +20,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from analog_frontend.numeric.shapes import FLOAT, INTEGER
-from analog_frontend.numeric.vector import LANES, aligned
+from analog_frontend.numeric.vector import LANES, aligned_zeros
 from fpga_model.jit import DISABLED
 
 ITEM_BYTES = 8
@@ -49,7 +49,7 @@ def record_layout(record, first=(0, 0)):
 
 def room(sizes):
     """(doubles, integers) of zeros, as large as `sizes`."""
-    return aligned(sizes[FLOAT]), aligned(sizes[INTEGER]).view(np.int64)
+    return aligned_zeros(sizes[FLOAT]), aligned_zeros(sizes[INTEGER]).view(np.int64)
 
 
 def views(record, at, floats, integers):

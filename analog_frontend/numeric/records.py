@@ -30,7 +30,7 @@ class KindType(types.Type):
 
 
 @typeof_impl.register(Kind)
-def _typed(kind, context):
+def _type_kind(kind, context):
     return KindType(typeof(kind.record))
 
 
@@ -40,7 +40,7 @@ class _KindModel(models.OpaqueModel):
 
 
 @unbox(KindType)
-def _unboxed(kind, item, c):
+def _unbox_kind(kind, item, c):
     return NativeValue(c.context.get_dummy_value())
 
 

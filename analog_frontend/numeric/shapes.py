@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analog_frontend.numeric.vector import aligned
+from analog_frontend.numeric.vector import aligned_zeros
 
 FLOAT, INTEGER = 0, 1
 
@@ -42,5 +42,5 @@ def zeros(record, **given):
 def _zeros(hint):
     if not isinstance(hint, Shaped):
         return None
-    flat = aligned(prod(hint.shape))
+    flat = aligned_zeros(prod(hint.shape))
     return (flat if hint.kind == FLOAT else flat.view(np.int64)).reshape(hint.shape)

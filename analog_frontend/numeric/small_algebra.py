@@ -17,7 +17,7 @@ def plus(a, b):
     return [[x + y for x, y in zip(p, q)] for p, q in zip(a, b)]
 
 
-def solved(a, rhs):
+def solve_linear(a, rhs):
     """a x = rhs by elimination with pivots; complex, small."""
     n = len(a)
     rows = [list(a[i]) + list(rhs[i]) for i in range(n)]

@@ -108,7 +108,7 @@ if DISABLED:
         """The larger of `a` and the magnitude of `b`."""
         return np.fmax(a, np.abs(b))
 
-    def clamped(v, lo, hi):
+    def clamp_lanes(v, lo, hi):
         """min(max(v, lo), hi)."""
         return np.minimum(np.maximum(v, lo), hi)
 
@@ -119,7 +119,7 @@ if DISABLED:
 else:
     from analog_frontend.numeric.vector_native import (  # noqa: F401
         ceiling,
-        clamped,
+        clamp_lanes,
         four,
         high,
         integers,
@@ -143,7 +143,7 @@ else:
     )
 
 
-def aligned(size):
+def aligned_zeros(size):
     """Zeros that start at a multiple of 64 bytes: a register of eight lanes then never straddles two cache lines."""
     padded = np.zeros(size + LANES)
     first = -(padded.ctypes.data // 8) % LANES

@@ -34,7 +34,7 @@ INTEGERS = Vector("integers", ir.IntType(64), LANES)
 _INT32 = ir.IntType(32)
 
 
-def _shuffled(builder, x, y, lanes):
+def _shuffle_lanes(builder, x, y, lanes):
     return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, len(lanes)), list(lanes)))
 
 
@@ -80,7 +80,7 @@ def _splatter(kind, number):
         def codegen(context, builder, signature, args):
             empty = ir.Constant(kind.native, ir.Undefined)
             first = builder.insert_element(empty, args[0], ir.Constant(_INT32, 0))
-            return _shuffled(builder, first, empty, [0] * kind.lanes)
+            return _shuffle_lanes(builder, first, empty, [0] * kind.lanes)
 
         return kind(number), codegen
 
@@ -160,7 +160,7 @@ def join_lanes(typingctx, a, b):
     result = types.UniTuple(VECTOR, len(a)) if isinstance(a, types.BaseTuple) else VECTOR
 
     def codegen(context, builder, signature, args):
-        return _map_registers(context, builder, result, lambda x, y: _shuffled(builder, x, y, range(8)), *args)
+        return _map_registers(context, builder, result, lambda x, y: _shuffle_lanes(builder, x, y, range(8)), *args)
 
     return result(a, b), codegen
 
@@ -169,7 +169,7 @@ def _half(first):
     @intrinsic
     def half(typingctx, v):
         def codegen(context, builder, signature, args):
-            return _shuffled(builder, args[0], args[0], range(first, first + 4))
+            return _shuffle_lanes(builder, args[0], args[0], range(first, first + 4))
 
         return QUAD(VECTOR), codegen
 
@@ -179,7 +179,7 @@ def _half(first):
 @intrinsic
 def turned4(typingctx, v):
     def codegen(context, builder, signature, args):
-        swapped = _shuffled(builder, args[0], args[0], (1, 0, 3, 2))
+        swapped = _shuffle_lanes(builder, args[0], args[0], (1, 0, 3, 2))
         return builder.fmul(swapped, ir.Constant(QUAD.native, [-1.0, 1.0, -1.0, 1.0]))
 
     return QUAD(QUAD), codegen
@@ -211,7 +211,7 @@ def store_fives(typingctx, a, i, v):
         for first in range(0, FIVE * LANES, LANES):
             pointer = _pointer(context, builder, signature, args, VECTOR.native, ir.Constant(ir.IntType(64), first))
             source_lanes = [(first + k) // FIVE for k in range(LANES)]
-            builder.store(_shuffled(builder, args[2], args[2], source_lanes), pointer, align=8)
+            builder.store(_shuffle_lanes(builder, args[2], args[2], source_lanes), pointer, align=8)
         return context.get_dummy_value()
 
     return types.void(a, types.int64, v), codegen
@@ -220,18 +220,18 @@ def store_fives(typingctx, a, i, v):
 @intrinsic
 def totals4(typingctx, a, b, c, d):
     def codegen(context, builder, signature, args):
-        def added(x, y, low, high):
-            return builder.fadd(_shuffled(builder, x, y, low), _shuffled(builder, x, y, high))
+        def add_pairs(x, y, low, high):
+            return builder.fadd(_shuffle_lanes(builder, x, y, low), _shuffle_lanes(builder, x, y, high))
 
-        a, b, c, d = (added(v, v, (0, 1, 2, 3), (4, 5, 6, 7)) for v in args)
-        a, c = added(a, b, (0, 4, 2, 6), (1, 5, 3, 7)), added(c, d, (0, 4, 2, 6), (1, 5, 3, 7))
-        return added(a, c, (0, 1, 4, 5), (2, 3, 6, 7))
+        a, b, c, d = (add_pairs(v, v, (0, 1, 2, 3), (4, 5, 6, 7)) for v in args)
+        a, c = add_pairs(a, b, (0, 4, 2, 6), (1, 5, 3, 7)), add_pairs(c, d, (0, 4, 2, 6), (1, 5, 3, 7))
+        return add_pairs(a, c, (0, 1, 4, 5), (2, 3, 6, 7))
 
     return QUAD(VECTOR, VECTOR, VECTOR, VECTOR), codegen
 
 
 @intrinsic
-def clamped(typingctx, v, lo, hi):
+def clamp_lanes(typingctx, v, lo, hi):
     def codegen(context, builder, signature, args):
         v, lo, hi = args
         v = builder.select(builder.fcmp_ordered("<", v, lo), lo, v)
@@ -264,11 +264,11 @@ def _operation(name):
     return apply
 
 
-def _overloaded(symbol, name):
+def _overload_vectors(symbol, name):
     apply = _operation(name)
 
     @overload(symbol)
-    def _typed(a, b):
+    def _type_vectors(a, b):
         if a in (VECTOR, QUAD) and a == b:
             return lambda a, b: apply(a, b)
         if a in (VECTOR, QUAD) and isinstance(b, types.Float):
@@ -282,11 +282,11 @@ def _overloaded(symbol, name):
         return None
 
 
-def _overloaded_integers(symbol, name):
+def _overload_integers(symbol, name):
     apply = _operation(name)
 
     @overload(symbol)
-    def _typed(a, b):
+    def _type_integers(a, b):
         if a == INTEGERS and b == INTEGERS:
             return lambda a, b: apply(a, b)
         if a == INTEGERS and isinstance(b, types.Integer):
@@ -302,6 +302,6 @@ _FLOATS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", ope
 _INTEGERS = {operator.add: "add", operator.sub: "sub", operator.mul: "mul"}
 _INTEGERS |= {operator.and_: "and_", operator.xor: "xor", operator.rshift: "ashr"}
 for _symbol, _name in _FLOATS.items():
-    _overloaded(_symbol, _name)
+    _overload_vectors(_symbol, _name)
 for _symbol, _name in _INTEGERS.items():
-    _overloaded_integers(_symbol, _name)
+    _overload_integers(_symbol, _name)

@@ -49,7 +49,7 @@ def status_word(lead_off_p=0, lead_off_n=0, gpio=0):
 
 
 @inlined
-def packed(status, codes):
+def frame_words(status, codes):
     """The nine words of a frame."""
     return (
         status & WORD_MASK,
@@ -78,7 +78,7 @@ def step(word_bits, s, cs_n, sclk, loaded, status, codes):
         if s.pulse == 1:
             drdy_n = 0
     if loaded == 1:
-        result = packed(status, codes)
+        result = frame_words(status, codes)
         if s.drdy_n == 0:
             drdy_n = 1
             pulse = PULSE

@@ -86,7 +86,7 @@ def reset(p):
 
 
 @inlined
-def decoded(p, word):
+def decode_word(p, word):
     """The signed code in a word's data bits."""
     data = ((word >> p.tail) & p.data_mask) ^ p.flip
     return data - ((data & p.sign_bit) << 1)
@@ -104,7 +104,7 @@ def step(p, s, sync_n, sclk_en, sdin, ldac_n):
         elif sync_n == 1 and s.sync_n == 0 and (p.exact == 0 or s.count == p.bits):
             address = s.shift & p.address_mask
             if address == p.address_value:
-                staged = decoded(p, s.shift)
+                staged = decode_word(p, s.shift)
                 if p.has_ldac == 0 or ldac_n == 0:
                     latch = staged
                     updated = 1

@@ -67,7 +67,7 @@ class Steady(NamedTuple):
     nodes_v: tuple  # A, B, C, D just before a rising edge
     volts: float
     volts_per_f: float
-    lag_v_s_per_f: float  # L: what a slope of dC takes off the mean output, per F/s
+    slope_v_s_per_f: float  # L: what a slope of dC takes off the mean output, per F/s
 
 
 class Curve(NamedTuple):
@@ -76,7 +76,7 @@ class Curve(NamedTuple):
     step_f: float
     volts: np.ndarray
     volts_per_f: np.ndarray
-    lag_v_s_per_f: np.ndarray
+    slope_v_s_per_f: np.ndarray
 
 
 class Large(NamedTuple):
@@ -250,7 +250,7 @@ def _per(before, after, step):
     return [[(y - x) / (2 * step)] for x, y in zip(before, after)]
 
 
-def _settled(p, nodes_v, dc_f):
+def _settle_nodes(p, nodes_v, dc_f):
     """Nodes after SETTLE half periods; the mean of two of them, because what is common to all nodes only turns over."""
     for _ in range(SETTLE):
         nodes_v = [(v + w) / 2 for v, w in zip(nodes_v, _after(p, nodes_v, dc_f))]
@@ -262,7 +262,7 @@ def steady_state(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
     nodes_v = list(nodes_v)
     for n in range(MOST_ROUNDS):
         if n % PATIENCE == PATIENCE - 1:
-            nodes_v = _settled(p, nodes_v, dc_f)
+            nodes_v = _settle_nodes(p, nodes_v, dc_f)
         after = _after(p, nodes_v, dc_f)
         columns = []
         for k in range(4):
@@ -270,7 +270,9 @@ def steady_state(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
             columns.append(_per(*(_after(p, side, dc_f) for side in sides), STEP_V))
         by_node = [[column[i][0] for column in columns] for i in range(5)]
         residual_jacobian = [[float(i == k) - by_node[i][k] for k in range(4)] for i in range(4)]
-        move = [row[0] for row in small_algebra.solved(residual_jacobian, [[after[i] - nodes_v[i]] for i in range(4)])]
+        move = [
+            row[0] for row in small_algebra.solve_linear(residual_jacobian, [[after[i] - nodes_v[i]] for i in range(4)])
+        ]
         if not all(map(math.isfinite, move)):
             break
         # a longer step would overshoot the diodes' exponentials
@@ -278,11 +280,11 @@ def steady_state(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
         part = min(1.0, p.nvt_v / largest) if largest else 1.0
         nodes_v = [v + part * m for v, m in zip(nodes_v, move)]
         if largest < SETTLED_V:
-            return _moving(p, dc_f, nodes_v, by_node, residual_jacobian)
+            return _steady_motion(p, dc_f, nodes_v, by_node, residual_jacobian)
     raise ValueError(f"ring_cycle dc_f: no steady state of the ring at {dc_f:g} F")
 
 
-def _moving(p, dc_f, nodes_v, by_node, residual_jacobian):
+def _steady_motion(p, dc_f, nodes_v, by_node, residual_jacobian):
     """`Steady` from a fixed point, the derivatives there and 1 less those."""
     h = p.half_s
     by_dc = _per(*(_after(p, nodes_v, dc_f + s) for s in (-STEP_F, STEP_F)), STEP_F)
@@ -291,12 +293,12 @@ def _moving(p, dc_f, nodes_v, by_node, residual_jacobian):
     def output(nodes, direct):
         return sum(j * row[0] for j, row in zip(by_node[4], nodes)) + direct[4][0]
 
-    nodes_per_f = small_algebra.solved(residual_jacobian, by_dc[:4])
+    nodes_per_f = small_algebra.solve_linear(residual_jacobian, by_dc[:4])
     volts_per_f = output(nodes_per_f, by_dc)
     # S(dC + s h) + s L = half(S + s L, dC, s): what is behind the motion, and the mean counts from the middle
-    lag = small_algebra.solved(residual_jacobian, [[y[0] - h * x[0]] for x, y in zip(nodes_per_f, by_slope)])
-    lag_v_s_per_f = volts_per_f * h / 2 - output(lag, by_slope)
-    return Steady(tuple(nodes_v), _after(p, nodes_v, dc_f)[4], volts_per_f, lag_v_s_per_f)
+    lag = small_algebra.solve_linear(residual_jacobian, [[y[0] - h * x[0]] for x, y in zip(nodes_per_f, by_slope)])
+    slope_v_s_per_f = volts_per_f * h / 2 - output(lag, by_slope)
+    return Steady(tuple(nodes_v), _after(p, nodes_v, dc_f)[4], volts_per_f, slope_v_s_per_f)
 
 
 @functools.lru_cache(maxsize=1024)
@@ -330,7 +332,7 @@ def large(p, dc_f):
     return Large(
         gain_v_per_f=gain,
         loss=1.0 - gain / small.volts_per_f,
-        delay_s=2 / QUARTER * sum((1.0 - row[0] ** 2) * at.lag_v_s_per_f for row, at in zip(waves, rows)) / gain,
+        delay_s=2 / QUARTER * sum((1.0 - row[0] ** 2) * at.slope_v_s_per_f for row, at in zip(waves, rows)) / gain,
         third=harmonics[1] / harmonics[0],
         demodulated_v_per_f=sum(v / (2 * k + 1) for k, v in enumerate(harmonics)) / dc_f,
     )

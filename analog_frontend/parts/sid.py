@@ -137,7 +137,7 @@ def follow_tick(p, caps, d, ref, n, p1, p2, p3):
 
 
 @inlined
-def between(p, caps, refs, w, feed, stride, t0, t1, out):
+def follow_ticks(p, caps, refs, w, feed, stride, t0, t1, out):
     """Ticks t0 .. t1 - 1 of all four without an edge: bit for bit `follow_tick` at each. Mutates `caps` and `out`.
 
     refs  (4,) references

@@ -125,7 +125,7 @@ def _check_reply(port, tick, first, second):
 
 
 @outlined
-def _written(port, tick, n, work, edge_count, edges):
+def _write_mailbox(port, tick, n, work, edge_count, edges):
     """Codes and edges of a block, into the mailbox. Mutates it."""
     pins = port.pins
     pins[TICK], pins[TICKS], pins[EDGE_COUNT] = tick, n, edge_count
@@ -153,7 +153,7 @@ def run_library(port, p, clock, tick, n, drive_cycle, sense_cycle, work, edge_co
     else:
         first, second = second - passed, np.int64(-1)
     if port.failed[KIND] == NOTHING:
-        _written(port, tick, n, work, edge_count, edges)
+        _write_mailbox(port, tick, n, work, edge_count, edges)
         port.pins[DRIVE_CLOCK], port.pins[SENSE_CLOCK] = drive_cycle, sense_cycle
         status = _call_library(port.step, port.plant, port.pins, rate_rad_s, temp_degc, port.adc, port.motion)
         if status != 0:

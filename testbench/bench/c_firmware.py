@@ -14,7 +14,7 @@ import sys
 
 from fpga_model.rates import TICK_HZ
 from testbench.bench import kernels, machine, measure_speed, peers
-from testbench.console.markdown import ROOT, markdown, need_repository, replaced
+from testbench.console.markdown import ROOT, markdown, need_repository, replace_part
 from testbench.console.text_table import Table
 from testbench.storage.files import write_text
 
@@ -67,7 +67,7 @@ def main():
     print_tables([result_table])
     page = ROOT / "docs" / "speed.md"
     text = f"Measured with `{COMMAND}` on {result_table.note}.\n\n{markdown(result_table)}"
-    write_text(page, replaced(page.read_text(), "c_firmware", text))
+    write_text(page, replace_part(page.read_text(), "c_firmware", text))
     print("written: docs/speed.md")
     return 0
 

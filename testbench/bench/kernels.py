@@ -98,7 +98,7 @@ def run_firmware_only(p, rom, f, chip, ticks, codes):
         for c in range(TICK_CYCLES):
             f = fpga.step(p, rom, f, fpga.Inputs(chip.drdy_n, adc_serial.dout(chip), 0, 0, 0, 0, 0))
             loaded = ready if c == DRDY_CYCLE else 0
-            status = adc_serial.packed(0xC00000, sent)[0]
+            status = adc_serial.frame_words(0xC00000, sent)[0]
             chip = adc_serial.step(adc_serial.WORD_BITS, chip, f.adc.cs_n, f.adc.sclk, loaded, status, sent)
     return f, chip
 
@@ -142,7 +142,7 @@ class Bench:
         self.tick = self.sim.tick
         self.edges = np.zeros((engine.MAX_EDGES, 2), np.int64)
 
-    def clocked(self):
+    def run_clocked(self):
         """The clocked engine as `gyro run` drives it."""
         advance(self.sim, self.ticks)
 

@@ -18,7 +18,7 @@ from functools import partial
 from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench import engine_stages, kernels, machine, many, peers
-from testbench.console.markdown import ROOT, markdown, need_repository, replaced
+from testbench.console.markdown import ROOT, markdown, need_repository, replace_part
 from testbench.console.text_table import Table, fixed_digits
 from testbench.storage.files import write_text
 
@@ -175,11 +175,11 @@ def speeds(folder, repeats=REPEATS, processes=PROCESSES):
         missing |= dict.fromkeys(ROOFS, str(reason))
     with contextlib.ExitStack() as stack:
 
-        def served(**options):
+        def start_process(**options):
             return stack.enter_context(contextlib.closing(kernels.Served(**options)))
 
-        engines = [served() for _ in range(processes)]
-        interpreted = served(locked=False, NUMBA_DISABLE_JIT="1")
+        engines = [start_process() for _ in range(processes)]
+        interpreted = start_process(locked=False, NUMBA_DISABLE_JIT="1")
         for name in ("frame", "clocked"):
             works[f"{name}_rt"] = partial(_in_turn, itertools.cycle(engines), name, ticks[f"{name}_rt"])
         works |= {
@@ -316,6 +316,6 @@ def main():
     (ROOT / "build").mkdir(exist_ok=True)
     write_text(ROOT / "build" / "bench.json", json.dumps(result, indent=1) + "\n")
     page = ROOT / "docs" / "speed.md"
-    write_text(page, replaced(page.read_text(), "speed", speed_part(result)))
+    write_text(page, replace_part(page.read_text(), "speed", speed_part(result)))
     print("written: build/bench.json, docs/speed.md")
     return 0

@@ -67,7 +67,7 @@ class Cluster:
             if self.address is None:
                 security = self._start_cluster(distributed)
             else:
-                security = self._configured(distributed)
+                security = self._build_security(distributed)
             self._client = self._stack.enter_context(
                 distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False, security=security)
             )
@@ -101,7 +101,7 @@ class Cluster:
             self.address = self._stack.enter_context(cluster).scheduler_address
         return security
 
-    def _configured(self, distributed):
+    def _build_security(self, distributed):
         """Certificates of Dask's configuration, which an encrypted address needs."""
         security = distributed.Security()
         lacking = [key for key in CERTIFICATES if not getattr(security, key)]

@@ -27,7 +27,7 @@ from testbench.campaign.plan.measure import Variable
 from testbench.campaign.verify import read_point
 from testbench.errors import FileError
 from testbench.interrupts import defer_interrupts
-from testbench.storage.files import GuardedFile, atomic_outputs, explain, replacing, write_bytes, write_text
+from testbench.storage.files import GuardedFile, atomic_outputs, explain, replace_file, write_bytes, write_text
 
 SCHEMA = "gyrocampaign/1"
 
@@ -121,7 +121,7 @@ class Loaded(NamedTuple):
 
 def load(store, addresses):
     """`Loaded` finished points; streams are `Stub`s, so that an hour of each fits."""
-    out, written = Loaded({}, {}), store.written()
+    out, written = Loaded({}, {}), store.written_hashes()
     for address in dict.fromkeys(addresses):
         if store.has(address):
             try:
@@ -246,7 +246,7 @@ def _write_streams(file, store, stored_plan, points, streams, is_complete):
 @contextlib.contextmanager
 def _hdf5(path):
     """HDF5 file that is whole or absent, also when the disk is full."""
-    with replacing(path) as part:
+    with replace_file(path) as part:
         guard = GuardedFile(part)
         file = h5py.File(guard, "w")
         try:

@@ -14,7 +14,7 @@ from testbench.campaign.plan import engines, plan, stored
 from testbench.campaign.plan.plan_points import read_task
 from testbench.campaign.store import Store
 from testbench.errors import FileError
-from testbench.storage.files import atomic_outputs, replacing, write_text
+from testbench.storage.files import atomic_outputs, replace_file, write_text
 
 
 class Report(NamedTuple):
@@ -62,7 +62,7 @@ def run(campaign_plan, path, executor, progress, write_more=None):
             _keep_state(store, digest, state)
         addresses = [point.address for point in points]
         write_text(collect.plan_path(store, campaign_plan.name), stored.plan_json(campaign_plan, addresses))
-        rejected = verify.reject(store, addresses, store.written())
+        rejected = verify.reject(store, addresses, store.written_hashes())
         for text in rejected.values():
             progress.note(f"{text}; this point is run again")
         missing = {p.address: p for p in points if not store.has(p.address)}
@@ -92,7 +92,7 @@ def run(campaign_plan, path, executor, progress, write_more=None):
 
 def _keep_state(store, digest, state):
     """Copy a state file into the store, under its hash."""
-    with replacing(store.path / "states" / f"{digest}.h5") as part:
+    with replace_file(store.path / "states" / f"{digest}.h5") as part:
         shutil.copyfile(state, part)
         with open(part, "rb") as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != digest:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from testbench.campaign import collect, shard, work
 from testbench.campaign.plan import engines
-from testbench.campaign.plan.plan_points import parsed, state_path
+from testbench.campaign.plan.plan_points import parse_identity, state_path
 from testbench.campaign.store import Store
 from testbench.errors import ConfigError, FileError
 from testbench.storage import inputs
@@ -43,7 +43,7 @@ def rerun(path, prefix, out=None, engine_texts=()):
     store = Store.open_folder(path)
     address = find(store, prefix)
     identity, before = collect.read_point(store, address)
-    data = parsed(identity)
+    data = parse_identity(identity)
     engines.permit(data.engine, extra_engines, store.point_path(address))
     engine = engines.load(data.engine)
     code = engines.source_hash(engine)

@@ -100,7 +100,7 @@ def decode(data, path):
     body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
     if seal != SEAL % hashlib.sha256(body).hexdigest().encode():
         raise FileError(f"{path}: is damaged: its seal does not hold")
-    with inputs.parsing(path, "point"), h5py.File(io.BytesIO(body), "r") as file:
+    with inputs.explain_damage(path, "point"), h5py.File(io.BytesIO(body), "r") as file:
         datasets = _datasets(file, path, len(body))
         variables = {
             name: _variable(dataset, f"{path}: /{name}")

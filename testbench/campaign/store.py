@@ -187,7 +187,7 @@ class Store:
         """All whole lines of all journals, by time."""
         return sorted(self.lines([]), key=lambda event: event.t)
 
-    def written(self):
+    def written_hashes(self):
         """{address: {SHA-256 of a file that was written as this point}} of all journals."""
         return declared_hashes(self.lines([]))
 

@@ -22,7 +22,7 @@ MOST_BYTES = 1 << 32  # of a point, which may hold streams of hours
 def read_point(store, address, written=None):
     """(identity, variables) of a finished point; FileError if it is damaged or another one.
 
-    written  `Store.written`; None: the journal is not asked
+    written  `Store.written_hashes`; None: the journal is not asked
     """
     path = store.point_path(address)
     data, _ = _read_file(path, (written or {}).get(address))

@@ -59,7 +59,7 @@ class Outcome(NamedTuple):
 
 
 @functools.cache
-def _prepared(name, store_path):
+def _prepare_engine(name, store_path):
     """The engine, ready to play; on each machine one process after the other compiles, and the later ones find it."""
     engine = engines.load(name)
     if engine.prepare is not None:
@@ -75,10 +75,10 @@ def compute(identity, states, engine):
     (numbers,) = engine.run_points([task.config], [keeper])
     if isinstance(numbers, BaseException):
         raise numbers
-    return _encoded(identity, task, keeper, numbers), numbers
+    return _encode_point(identity, task, keeper, numbers), numbers
 
 
-def _encoded(identity, task, keeper, numbers):
+def _encode_point(identity, task, keeper, numbers):
     return shard.encode(identity, shard.number_variables(numbers) | keeper.variables(), task.keep.tau_s)
 
 
@@ -124,7 +124,7 @@ def _run(store, batch):
         if not ahead:
             return out
         tasks = [task for _, _, task in ahead]
-        engine = _prepared(batch.engine, str(store.path))
+        engine = _prepare_engine(batch.engine, str(store.path))
         for task in tasks:
             if task.code != engines.source_hash(engine):
                 raise FileError(
@@ -138,7 +138,7 @@ def _run(store, batch):
             try:
                 if isinstance(numbers, Exception):
                     raise numbers
-                data = _encoded(identity, task, keeper, numbers)
+                data = _encode_point(identity, task, keeper, numbers)
             except Exception as problem:
                 store.journal("fail", point=address, error=_reason(problem))
                 out.append(Outcome(address, FAILED, _reason(problem)))

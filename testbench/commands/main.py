@@ -114,9 +114,9 @@ def run(o):
                 "--resume-run: the interrupted run keeps its configuration; no other option but --json, --plant and "
                 "--across-versions"
             )
-        from testbench.storage.checkpoint import unfinished
+        from testbench.storage.checkpoint import open_partial
 
-        partial = unfinished(o.resume_run)
+        partial = open_partial(o.resume_run)
         _run(load(partial.config, overrides(None, _plant(o), *_across(o))), partial, True, o.as_json)
         return
     option_overrides = overrides(
@@ -269,7 +269,7 @@ def _check_process(argv):
         raise ConfigError(f"NUMBA_NUM_THREADS = {threads} is below the limit 1 thread")
 
 
-def _ended(argv):
+def _exit_code(argv):
     """Exit code of a command line."""
     try:
         if argv is None:
@@ -301,7 +301,7 @@ def main(argv=None):
 
     argv  arguments; None: those of this process, whose standard streams are settled first
     """
-    code = _ended(argv)
+    code = _exit_code(argv)
     if code == EXIT_INTERRUPTED:
         _print_message("interrupted")
     sys.exit(code)

@@ -15,10 +15,10 @@ from testbench.config.load import (  # noqa: F401
     changed,
     from_dict,
     load,
-    needed,
     parse_set,
     phase_word,
     placeless,
+    require_config,
     sections,
     to_toml,
 )

@@ -71,7 +71,7 @@ def _frame_pins(bits, begin):
     return np.array(rows + [(1, 0, 0)] * IDLE_CLOCKS, np.int64)
 
 
-def written(design, register, raw):
+def encode_write(design, register, raw):
     """`Frame` of the write of a value to a register of the map."""
     bits, clocks = write_bits(register, raw), design.tick_clocks
     port = host_bus.design(design), spi_slave.State(), host_bus.State()

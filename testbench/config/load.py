@@ -351,7 +351,7 @@ class Config(Section):
         return self.nominal_device() == Nominal().device() and self.design == Design()
 
 
-def needed(config):
+def require_config(config):
     """The configuration itself; ConfigError for what is none."""
     if not isinstance(config, Config):
         raise ConfigError(f"config = {config!r} is no configuration: config.load(path) reads one")
@@ -462,7 +462,7 @@ def changed(config, values, library=False):
     for path in values:
         if not isinstance(path, str) or path.count(".") != 1:
             raise ConfigError(f'values: {path!r} is not of the form section.key, such as "plant.fx_hz"')
-    tree = drop_inherited(needed(config).model_dump(), values)
+    tree = drop_inherited(require_config(config).model_dump(), values)
     for path, value in values.items():
         section, key = path.split(".")
         tree.setdefault(section, {})[key] = to_python(value)
@@ -486,7 +486,7 @@ def to_toml(config):
     lines = []
     for section, model in sections().items():
         lines.append(f"[{section}]")
-        values = getattr(needed(config), section)
+        values = getattr(require_config(config), section)
         for key in model.model_fields:
             value = getattr(values, key)
             lines.append(f"{key} = {toml_value(value)}")

@@ -17,7 +17,7 @@ def need_repository():
         sys.exit(2)
 
 
-def replaced(page, name, text):
+def replace_part(page, name, text):
     """The page with the part `name` renewed; ValueError if the page has no such part."""
     match = re.search(rf"<!-- {name}: .*? -->\n", page)
     if not match:

@@ -19,23 +19,23 @@ Temperature = Annotated[float | None, typer.Option("--temperature-degc", help="C
 def takes(kind):
     """A command whose options are the fields of the NamedTuple `kind`: it gets one record."""
 
-    def decorated(command):
+    def decorate_command(command):
         @functools.wraps(command)
-        def called(**given):
+        def call_command(**given):
             return command(kind(**given))
 
         keyword = inspect.Parameter.KEYWORD_ONLY
-        called.__annotations__ = dict(kind.__annotations__)
-        called.__signature__ = inspect.Signature(
+        call_command.__annotations__ = dict(kind.__annotations__)
+        call_command.__signature__ = inspect.Signature(
             inspect.Parameter(
                 name, keyword, default=kind._field_defaults.get(name, inspect.Parameter.empty), annotation=hint
             )
             for name, hint in kind.__annotations__.items()
         )
-        del called.__wrapped__  # its signature is another
-        return called
+        del call_command.__wrapped__  # its signature is another
+        return call_command
 
-    return decorated
+    return decorate_command
 
 
 def overrides(sets, *named):

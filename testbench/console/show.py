@@ -27,7 +27,7 @@ def _console():
     return Console(highlight=False, width=None if sys.stdout.isatty() else PLAIN_WIDTH)
 
 
-def _needed(table):
+def _least_width(table):
     """Columns of the terminal below which numbers would be cut or words stand one letter to a line."""
     width = 2
     for k, head in enumerate(table.heads):
@@ -68,7 +68,7 @@ def print_tables(tables):
     for table, after in zip(tables, [*tables[1:], None]):
         # a note that the next table has, too, stands behind that one
         note = None if after and after.note == table.note else table.note or None
-        if _needed(table) > console.width:
+        if _least_width(table) > console.width:
             _print_rows(console, table, note)
         else:
             console.print(_table_grid(table, note), markup=False)

@@ -33,7 +33,7 @@ class Stream(io.FileIO):
         return len(data)
 
 
-def _wrapped(stream, descriptor):
+def _wrap_stream(stream, descriptor):
     """A text stream on the same descriptor; interactive ones write line by line."""
     raw = io.BufferedWriter(Stream(descriptor))
     text_options = {"encoding": stream.encoding, "errors": "replace", "newline": None}
@@ -52,5 +52,5 @@ def settle():
         sys.stdout = open(1, "w", closefd=False)
         raise FileError("standard output: is closed")
     if os.name == "posix":
-        sys.stdout = _wrapped(sys.stdout, 1)
-        sys.stderr = _wrapped(sys.stderr, 2)
+        sys.stdout = _wrap_stream(sys.stdout, 1)
+        sys.stderr = _wrap_stream(sys.stderr, 2)

@@ -250,7 +250,7 @@ def _start_up(draft):
     for ratio in QUADRATURE_BY_BANDWIDTH:
         draft.set_quadrature(ratio * target.bandwidth_hz)
         boards = (draft.config, *start_up.corners(draft.config))
-        start_ups = [start_up.completed(*pair) for pair in zip(drives, boards)]
+        start_ups = [start_up.add_balance(*pair) for pair in zip(drives, boards)]
         slowest = start_up.slowest(start_ups)
         promised = start_up.promised_s(slowest)
         if promised is not None and promised <= target.startup_s:
@@ -286,13 +286,13 @@ def _check_loop(draft, advice):
 def design(file, source="target"):
     """`Result` for a `TargetFile`. Raises ConfigError with the constraint that stops it."""
     try:
-        return _designed(file, source)
+        return _compute_design(file, source)
     except ValueError as problem:  # of the designers of blocks and parts, too: name, value, limit
         text = str(problem)
         raise ConfigError(text if text.startswith(f"{source}: ") else f"{source}: {text}") from None
 
 
-def _designed(file, source):
+def _compute_design(file, source):
     draft = _Draft(source, file)
     target = draft.target
     if target.compensate:

@@ -177,7 +177,7 @@ def build_board(config, sid_c_f, tolerances, *more_hz):
             p.split_hz * (1 + split_by * tolerances.split),
             p.sid_hz / (1 + sid_by * tolerances.capacitor),
         )
-        q = advisor.varied(p, split_hz=split_hz, sid_hz=sid_hz)
+        q = advisor.vary_parameters(p, split_hz=split_hz, sid_hz=sid_hz)
         at = open_loop_response(q, grid(q))
         corners += [(at, factor) for factor in gain_factors(tolerances)]
     return Board(sid_c_f, o, corners)

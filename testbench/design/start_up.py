@@ -91,7 +91,7 @@ class _Pi:
         return min(max(self.kp * e + self.acc, self.lo), self.hi)
 
 
-def _searched(p, drive, word_hz, kick):
+def _simulate_search(p, drive, word_hz, kick):
     """(frames, correction Hz, magnitude): from the kick to the end of the search."""
     signal = 0j
     for n in range(p.kick + p.decay):
@@ -150,7 +150,7 @@ def _sense_codes(config):
         state = power @ state
 
 
-def _balanced(p, config):
+def _balance_frames(p, config):
     """Frames from BALANCE to all four in lock; None if it takes longer than LIMIT_S."""
     good, locked, n = [0, 0], [False, False], 0
     for block in _sense_codes(config):
@@ -178,7 +178,7 @@ def drive_start_up(config):
     p, setpoint = control.sequencer, _setpoint(config)
     drive = _Drive(config)
     word_hz = config.firmware.nominal_frequency_hz
-    search_frames, correction_hz, magnitude = _searched(p, drive, word_hz, control.agc.kick)
+    search_frames, correction_hz, magnitude = _simulate_search(p, drive, word_hz, control.agc.kick)
     first = StartUp(correction_hz, magnitude / setpoint * config.firmware.amplitude_um, None, None, None)
     limit_hz = p.search_limit / frequency_tracker.word_per_hz(drive.design)
     if magnitude < p.min_magnitude:
@@ -203,11 +203,11 @@ def drive_start_up(config):
     return Driven(first._replace(reached_s=ends[0], drive_s=ends[1]), frames + settled)
 
 
-def completed(before, config):
+def add_balance(before, config):
     """`StartUp` behind a `Driven`, with the sense loops of a configuration."""
     if before.so_far.failure:
         return before.so_far
-    balance_frames = _balanced(build.firmware(config).control.sequencer, config)
+    balance_frames = _balance_frames(build.firmware(config).control.sequencer, config)
     if balance_frames is None:
         return before.so_far._replace(failure=f"the sense loops do not settle within {LIMIT_S:g} s")
     return before.so_far._replace(lock_s=(before.frames + balance_frames) / config.design_record().frame_hz)
@@ -215,7 +215,7 @@ def completed(before, config):
 
 def predict(config):
     """`StartUp` of the board [plant] with the firmware of [nominal]."""
-    return completed(drive_start_up(config), config)
+    return add_balance(drive_start_up(config), config)
 
 
 def _setpoint(config):

@@ -26,7 +26,7 @@ from testbench.engines.baseband_setup import RATE_LIMIT_DEG_S, setup
 from testbench.engines.baseband_state import give_state, slow, take_state
 from testbench.engines.frame import advance_blocks, begin_blocks, enter_block_mode, exit_block_mode, store_control
 from testbench.engines.pins import buffers
-from testbench.engines.turn import WIDEST, phase_at, widened
+from testbench.engines.turn import WIDEST, phase_at, widen_word
 from testbench.errors import ConfigError
 
 TAIL_FRAMES = 2  # of a chunk, for the way back to every register
@@ -64,8 +64,8 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
                 b,
                 g.s.control,
                 g.s.bank,
-                widened(d, phase_at(g.s.turn, d.tick_clocks * tick)),
-                widened(d, g.s.turn.word),
+                widen_word(d, phase_at(g.s.turn, d.tick_clocks * tick)),
+                widen_word(d, g.s.turn.word),
                 g.s.quadrature,
                 g.channels,
                 g.coming,
@@ -75,7 +75,7 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
                 a.adc.clock,
                 a.adc.sums,
             )
-            far = ZERO if tick == last else widened(d, turn.word)
+            far = ZERO if tick == last else widen_word(d, turn.word)
             g = give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w)
             break
     g, tick = advance_blocks(p, a, chunk, g, tick, end, end, w)

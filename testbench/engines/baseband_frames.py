@@ -34,7 +34,7 @@ from fpga_model.fixed import wrap_unsigned
 from fpga_model.jit import hot, inlined, inner
 from testbench.engines import engine
 from testbench.engines.baseband_state import poles_at, rate_volts, turned_force
-from testbench.engines.turn import TURN_MASK, narrowed, still, widened
+from testbench.engines.turn import TURN_MASK, narrow_word, still, widen_word
 from testbench.engines.window import SLOT_WORD, run_window
 
 ZERO, ONE = np.int64(0), np.int64(1)
@@ -69,11 +69,11 @@ def _record_row(p, rom, u, c, bank, phase, word, codes, quadrature, z, temp_degc
     if row >= frames.shape[0]:
         return
     d = p.design
-    dac_phase = narrowed(d, phase - u.drive_delay_clocks * word)
+    dac_phase = narrow_word(d, phase - u.drive_delay_clocks * word)
     amplitude = control.amplitude(p.control, c)
     y = sine.phase_sine(d, rom, wrap_unsigned(dac_phase + bank.phase_drive_sine, d.dds_bits))
     drive = modulator.dac_code(p.drive_modulator, amplitude, y)
-    dac_phase = narrowed(d, phase - u.sense_delay_clocks * word)
+    dac_phase = narrow_word(d, phase - u.sense_delay_clocks * word)
     y = sine.phase_sine(d, rom, wrap_unsigned(dac_phase + bank.phase_sense_sine, d.dds_bits))
     sense = modulator.dac_code(p.sense_modulator, c.rate_loop.loop.y, y)
     engine.record_frame(frames[row], truth[row], c, codes, drive, sense, quadrature, z, temp_degc, rate_rad_s)
@@ -96,12 +96,12 @@ def _advance_modes(p, u, b, c, bank, tick, batch, rate, temp, words, turn_phase,
     word_old, word = words
     volts = averaged_codes.rounded_fundamental(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
     d = p.fpga.design
-    drive = turned_force(volts, widened(d, bank.phase_drive_sine))
-    sense = turned_force(rate_volts(u, c), widened(d, bank.phase_sense_sine))
+    drive = turned_force(volts, widen_word(d, bank.phase_drive_sine))
+    sense = turned_force(rate_volts(u, c), widen_word(d, bank.phase_sense_sine))
     ring = p.plant.ring
     lawful = u.laws.force + u.laws.cv + ring.on > 0
     if lawful:
-        refs = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
+        refs = widen_word(d, bank.phase_drive_ref), widen_word(d, bank.phase_sense_ref)
         averaged_laws.act(u.laws, b.now, b.m, b.laws, rate, temp, tick * p.plant.sid.h_s, refs[0], refs[1])
         if ring.on:
             averaged_ring.act(ring, b.laws, temp, word * u.rad_per_word, u.laws.reference_turns, refs[0], refs[1])
@@ -151,7 +151,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         i = control.Inputs(new[0], new[1], new[2], new[3], new[4], ONE, ZERO)
         c, word_between = run_window(d, p.fpga.control, c, i, bank)
         quadrature = c.quadrature_loop.root.y
-        word, word_between = widened(d, c.frequency_tracker.word), widened(d, word_between)
+        word, word_between = widen_word(d, c.frequency_tracker.word), widen_word(d, word_between)
         turn_phase = (phase + (turn_clock - between) * word_old + between * word_between) & TURN_MASK
         after = (turn_phase + (u.frame_clocks - turn_clock) * word) & TURN_MASK
         # the plant
@@ -160,7 +160,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         poles = poles_at(u, word)
         _tilde(u, b.cubic, poles)
         before, after_turn = (phase, word_old), (turn_clock, turn_phase, word)
-        offsets = widened(d, bank.phase_drive_ref), widened(d, bank.phase_sense_ref)
+        offsets = widen_word(d, bank.phase_drive_ref), widen_word(d, bank.phase_sense_ref)
         noise = (drawn.volts, drawn.sums, ROW)
         begin = drawn.begin[0] + u.frame_samples * batch
         averaged_sid.demodulate(u.sid, q, before, after_turn, offsets, b.base, b.cubic, poles, noise, begin)
@@ -174,7 +174,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
             break
     averaged_noise.integrate(q, 4 * NOISE, drawn, drawn.begin[0] + u.frame_samples * (batch + 1), -1.0)
     chunk.o.peak_x[0] = max(chunk.o.peak_x[0], math.sqrt(top))
-    turn = still(d.tick_clocks * tick, narrowed(d, phase), narrowed(d, word), d.dds_bits)
+    turn = still(d.tick_clocks * tick, narrow_word(d, phase), narrow_word(d, word), d.dds_bits)
     return c, bank, turn, quadrature, old, new, tick
 
 

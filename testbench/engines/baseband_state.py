@@ -61,7 +61,7 @@ from fpga_model import control, watchdog
 from fpga_model.jit import inner, outlined
 from testbench.engines import pins
 from testbench.engines.block_state import BlockState
-from testbench.engines.turn import phase_at, widened
+from testbench.engines.turn import phase_at, widen_word
 from testbench.engines.window import HISTORY, Window, valid_clocks
 
 ZERO, ONE = np.int64(0), np.int64(1)
@@ -133,17 +133,17 @@ def take_state(p, u, b, g, a, tick):
         u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, a.now[plant.NOW_RATE], stiffness, a.now[plant.NOW_TEMP]
     )
     bank, design = g.s.bank, p.fpga.design
-    ref_drive, ref_sense = widened(design, bank.phase_drive_ref), widened(design, bank.phase_sense_ref)
+    ref_drive, ref_sense = widen_word(design, bank.phase_drive_ref), widen_word(design, bank.phase_sense_ref)
     averaged_sid.bases(ref_drive, ref_sense, b.base)
     amplitude = control.amplitude(p.fpga.control, g.s.control)
     volts = averaged_codes.rounded_fundamental(amplitude * u.drive_volts, u.drive_lsb_v)
-    m[F], m[F + 1] = turned_force(volts, widened(design, bank.phase_drive_sine))
+    m[F], m[F + 1] = turned_force(volts, widen_word(design, bank.phase_drive_sine))
     sense_volts = rate_volts(u, g.s.control)
-    m[F + 2], m[F + 3] = turned_force(sense_volts, widened(design, bank.phase_sense_sine))
-    phase = widened(design, phase_at(g.s.turn, design.tick_clocks * tick))
+    m[F + 2], m[F + 3] = turned_force(sense_volts, widen_word(design, bank.phase_sense_sine))
+    phase = widen_word(design, phase_at(g.s.turn, design.tick_clocks * tick))
     cos, sin = unit(phase)
-    averaged_modes.projected(now, m, cos, sin, a.z[6], a.z[7], a.z[8], a.z[9])
-    word = widened(design, g.s.turn.word)
+    averaged_modes.project_modes(now, m, cos, sin, a.z[6], a.z[7], a.z[8], a.z[9])
+    word = widen_word(design, g.s.turn.word)
     delta = (word - u.word0) * u.rad_per_word
     poles = poles_at(u, word)
     outputs = _outputs(u, now, m, delta, poles[0], poles[1], cos, sin)
@@ -181,7 +181,7 @@ def give_state(p, u, b, g, a, c, bank, turn, quadrature, old, new, tick, w):
     """Back to the plant's own state and to what the blocks carry, at a frame's first instant. Mutates `a` and `w`."""
     now, m, q = b.now, b.m, b.q
     design = p.fpga.design
-    phase, word = widened(design, phase_at(turn, design.tick_clocks * tick)), widened(design, turn.word)
+    phase, word = widen_word(design, phase_at(turn, design.tick_clocks * tick)), widen_word(design, turn.word)
     cos, sin = unit(phase)
     motion(now, m, cos, sin, a.z, plant.X)
     for k in range(3):

@@ -156,7 +156,7 @@ def codes_at(p, g, tick):
 
 
 @inner
-def _loaded(p, s, tick, window_ticks, n):
+def _quadrature_code(p, s, tick, window_ticks, n):
     """Code of V_q's DAC at the frame's end, after ticks `window_ticks` .. `n` - 1 of a block outside of a window."""
     first = tick % p.design.frame_ticks  # a block ends with the frame
     # the low bits of a tick in which V_q is sent are all ones
@@ -181,7 +181,7 @@ def demodulate(p, sid, tick, first, end, b):
 
 
 @inner
-def _aged(p, dog, ticks):
+def _age_watchdog(p, dog, ticks):
     """The watchdog after `ticks` without a frame."""
     age = min(dog.age + ticks, watchdog.AGE_TOP)
     return watchdog.State(age, 1 if ticks > 0 and age > p.limit else dog.stale)
@@ -239,7 +239,9 @@ def words_of_ticks(p, rom, g, s, sid, window_ticks, faults, tick, n, drive_codes
             b.amplitude[k] = amplitude
             b.rate[k] = rate
             b.control_load[HISTORY + k] = init
-    s = s._replace(dog=_aged(p.watchdog, s.dog, n - window_ticks), quadrature=_loaded(p, s, tick, window_ticks, n))
+    s = s._replace(
+        dog=_age_watchdog(p.watchdog, s.dog, n - window_ticks), quadrature=_quadrature_code(p, s, tick, window_ticks, n)
+    )
     pins.dac_codes(p, rom, s.bank, s.turn, tick, n, b)
     mixed = window_ticks > 0 or init == 1
     enabled, staged = pins.words_of_ticks(p, drive_codes, sense_codes, n, g.enabled, g.staged, mixed, b)

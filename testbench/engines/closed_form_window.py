@@ -86,17 +86,17 @@ def close_loops(d, p, s, i, bank):
     The default shifts of the accumulators are constants: as numbers of the record they cost 5 % of the frame engine.
     """
     if d.accumulator_fraction_bits == ACCUMULATOR_FRACTION:
-        return _closed(d._replace(accumulator_fraction_bits=ACCUMULATOR_FRACTION), p, s, i, bank)
-    return _closed_outlined(d, p, s, i, bank)
+        return _step_loops(d._replace(accumulator_fraction_bits=ACCUMULATOR_FRACTION), p, s, i, bank)
+    return _step_outlined(d, p, s, i, bank)
 
 
 @outlined
-def _closed_outlined(d, p, s, i, bank):
-    return _closed(d, p, s, i, bank)
+def _step_outlined(d, p, s, i, bank):
+    return _step_loops(d, p, s, i, bank)
 
 
 @inner
-def _closed(d, p, s, i, bank):
+def _step_loops(d, p, s, i, bank):
     o = sequencer.outputs(s.sequencer)
     amplitude = bank.amplitude_fixed if o.fix_drive else 0
     rate = bank.rate_fixed if o.fix_ftr else 0
@@ -125,7 +125,7 @@ def _closed(d, p, s, i, bank):
         q = quadrature_loop.step(d, p.quadrature_loop, q, at_loops, at_pi, 0, o.qsc_mode, i.sense_cos, quadrature)
     f = frequency_tracker.step(d, p.frequency_tracker, f, 0, 0, o.pll_mode, 0, o.load, o.adjust, 0, 0)
     q = quadrature_loop.step(d, p.quadrature_loop, q, 0, 0, 1, o.qsc_mode, 0, 0)
-    n = control.filtered(p.notch, s.notch, 1, r.loop.y)
+    n = control.step_notch(p.notch, s.notch, 1, r.loop.y)
     rate_word = control.rate_word(n, r.loop.y)
     out = rate_output.step(control.output_params(bank), s.rate_output, 1, rate_word, i.temperature)
     return s._replace(agc=a, frequency_tracker=f, rate_loop=r, quadrature_loop=q, rate_output=out, notch=n), word

@@ -32,7 +32,7 @@ def rebuilt(d, f, chips, s, sid, enabled, staged, tick, read, codes, status):
     if read:
         word, top = codes[d.adc_channels - 1] & CHANNEL_MASK, -1 << (spi_adc.WORD_BITS - d.adc_word_bits)
         master = spi_adc.State(1, 1, 1, 0, 0, 1, 0, word, 0, status & top, codes, 0, ok)
-        sent = adc_serial.packed(status, codes)
+        sent = adc_serial.frame_words(status, codes)
         chip = adc_serial.State(1, 0, 1, 0, 0, 0, 0, 0, sent, sent)
     sense = chips.sense._replace(staged=staged, latch=staged, enabled=enabled)
     # put out by the next load, V_q may be older than the flush

@@ -84,7 +84,7 @@ def _frame(p, a, chunk, tick, g):
 
 
 @outlined
-def _sampled(d, p, a, faults, count, n, refs, b):
+def _sample_block(d, p, a, faults, count, n, refs, b):
     """Samples and reference pins of the block's ticks, for the FPGA's own demodulator. Mutates `a` and `b`."""
     w = a.work.w
     x, y, drive = linear.CX3 * linear.STRIDE, linear.CY3 * linear.STRIDE, linear.D3 * linear.STRIDE
@@ -165,7 +165,7 @@ def advance_blocks(p, a, chunk, g, tick, end, limit, b):
         o.peak_x[0] = max(o.peak_x[0], linear.largest(a.work.w, n, linear.X))
         sid = g.sid
         if p.fpga.digital:
-            _sampled(d, p.plant, a, faults, count, n, refs, b)
+            _sample_block(d, p.plant, a, faults, count, n, refs, b)
             sid = demodulate(p.fpga, sid, tick, 1 if tick % d.frame_ticks == 0 else 0, n, b)
         g = after_ticks(d, g, faults, a.adc.clock, tick, until, fell, sid)
         tick = until

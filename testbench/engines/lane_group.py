@@ -2,7 +2,7 @@
 
     blocks of all eight   up to the nearest event of any of them     block_state.ticks_to_event
         each              words, codes, edges                        block_state.advance_control, words_of_ticks
-        all together      plants, converters                         side_by_side_top.advance_lanes, _converted
+        all together      plants, converters                         side_by_side_top.advance_lanes, _run_converters
         each              frames that the converter has completed    block_state.after_ticks
     before and after      clocked ticks, gyroscope by gyroscope      frame.enter_block_mode, exit_block_mode
 
@@ -138,7 +138,7 @@ def _buffers(q, v, k):
 
 
 @outlined
-def _blended(c, floats, ints, p, k, temp_degc):
+def _blend_plant(c, floats, ints, p, k, temp_degc):
     """Jets and fixed entries of one plant at a temperature. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     index, weight = 0, 0.0
@@ -157,12 +157,12 @@ def _blended(c, floats, ints, p, k, temp_degc):
 
 
 @inlined
-def _tuned(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
+def _tune_plant(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
     """Rate, coupling and temperature of one plant's next frame; 1 if its matrix changes. Mutates both arrays."""
     q = opened(floats, ints)
     volts = quad_code * p.quad_lsb_v
-    kq = plant.blended(p, c.knots[k, :, 1], temp_degc)
-    stiffness = plant.blended(p, c.knots[k, :, 2], temp_degc) - kq * (volts * volts)
+    kq = plant.blend_scalar(p, c.knots[k, :, 1], temp_degc)
+    stiffness = plant.blend_scalar(p, c.knots[k, :, 2], temp_degc) - kq * (volts * volts)
     temp_changed = q.now[TEMP * LANES + k] != temp_degc
     unchanged = q.now[RATE * LANES + k] == rate_rad_s and q.now[STIFFNESS * LANES + k] == stiffness
     if not temp_changed and unchanged:
@@ -171,12 +171,12 @@ def _tuned(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
     q.now[STIFFNESS * LANES + k] = stiffness
     q.now[TEMP * LANES + k] = temp_degc
     if temp_changed:
-        _blended(c, floats, ints, p, k, temp_degc)
+        _blend_plant(c, floats, ints, p, k, temp_degc)
     return 1
 
 
 @outlined
-def _combined(floats, ints):
+def _combine_matrices(floats, ints):
     """The moving entries of all eight matrices, as `propagator.combine`. Mutates them."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     o, s = load(q.now, RATE * LANES), load(q.now, STIFFNESS * LANES)
@@ -203,7 +203,7 @@ def _compute_law_gains(floats, ints, tick, frame_ticks):
 
 
 @outlined
-def _framed(part, parts_i, parts_f, floats, ints, c, k, tick):
+def _begin_frame(part, parts_i, parts_f, floats, ints, c, k, tick):
     """A frame of one gyroscope begins: its matrix, and its row. 1 if the matrix changes. Mutates the streams of `c`."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     p, g = unpack_record(part, parts_i[k], parts_f[k]), unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
@@ -211,7 +211,7 @@ def _framed(part, parts_i, parts_f, floats, ints, c, k, tick):
     n = tick // c.frame_ticks - c.begin // c.frame_ticks
     rate_rad_s, temp_degc = c.rate_rad_s[k, n], c.temp_degc[k, n]
     v_q = faults.dac_code[2] if faults.dac[2] else g.s.quadrature
-    changed = _tuned(c, floats, ints, p, k, rate_rad_s, v_q, temp_degc)
+    changed = _tune_plant(c, floats, ints, p, k, rate_rad_s, v_q, temp_degc)
     row = n if c.begin % c.frame_ticks == 0 else n - 1
     if row < c.rows[k]:
         z = q.z[k]
@@ -257,7 +257,7 @@ def _load_registers(part, parts_i, parts_f, floats, ints, c, k):
     """A gyroscope enters: its matrix, linear states and capacitors into the registers of eight. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     side_by_side_adc.enter(side_by_side_adc.opened(floats, ints), k)
-    _blended(c, floats, ints, unpack_record(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
+    _blend_plant(c, floats, ints, unpack_record(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
     v.peak[k] = 0.0
     for which in range(2):
         v.late_area[which * LANES + k] = q.late_area[k, which]
@@ -344,7 +344,7 @@ def _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n):
 
 
 @outlined
-def _converted(part, parts_i, parts_f, floats, ints, n):
+def _run_converters(part, parts_i, parts_f, floats, ints, n):
     """All converters over a block of `n` ticks: adc.convert_block's result is in `fell`. Mutates both arrays."""
     v, a, q = side_by_side.opened(floats, ints), side_by_side_adc.opened(floats, ints), opened(floats, ints)
     first = LANES
@@ -414,7 +414,7 @@ def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
             v.active[k] = 1 if q.entered[k] <= tick and q.exit_tick[k] < 0 else 0
             if v.active[k]:
                 if tick % c.frame_ticks == 0:
-                    changed += _framed(part, parts_i, parts_f, floats, ints, c, k, tick)
+                    changed += _begin_frame(part, parts_i, parts_f, floats, ints, c, k, tick)
                 _advance_lane_control(part, parts_i, parts_f, floats, ints, k, tick, n)
                 busy += 1
             elif q.exit_tick[k] == tick and q.entered[k] < tick:
@@ -425,12 +425,12 @@ def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
                 _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n)
                 _record_codes(c, floats, ints, k, tick - c.begin, n)
         if changed:
-            _combined(floats, ints)
+            _combine_matrices(floats, ints)
         if v.flags[side_by_side.LAWS] and (changed or tick % c.frame_ticks == 0):
             _compute_law_gains(floats, ints, tick, c.frame_ticks)
         if busy:
             side_by_side_top.advance_lanes(effect, floats, ints, tick, n)
-            _converted(part, parts_i, parts_f, floats, ints, n)
+            _run_converters(part, parts_i, parts_f, floats, ints, n)
         for k in range(LANES):
             if v.active[k]:
                 _hear(part, parts_i, parts_f, floats, ints, k, tick, until)

@@ -82,7 +82,7 @@ def _rows(records):
     return np.array([i for i, _ in pairs], np.int64), np.array([f for _, f in pairs], float).reshape(LANES, -1)
 
 
-def _padded(tables):
+def _pad_tables(tables):
     """One array of tables with different numbers of knots; those behind the last repeat it."""
     most = max(len(table) for table in tables)
     full = [np.concatenate([table, np.repeat(table[-1:], most - len(table), axis=0)]) for table in tables]
@@ -133,7 +133,7 @@ class Engine:
         self.part, self.effect = Kind(_lane_part(params[0])), Kind(params[0].plant.effects)
         self.parts_i, self.parts_f = _rows([_lane_part(p) for p in params])
         tables = zip(*(_plant_tables(p.plant, self.clocks) for p in params))
-        self.tables = [_padded(table) for table in tables]
+        self.tables = [_pad_tables(table) for table in tables]
         self.floats, self.ints = arena.room(lane_group.AT.sizes)
         self.v = arena.views(side_by_side.SideBySide, side_by_side.AT, self.floats, self.ints)
         self.q = arena.views(lane_group.Group, lane_group.AT, self.floats, self.ints)
@@ -211,7 +211,7 @@ class Engine:
         group_chunk = GroupChunk(
             begin,
             *self.tables,
-            *(_stacked(values) for values in (rate_rad_s, temp_degc)),
+            *(_stack_lanes(values) for values in (rate_rad_s, temp_degc)),
             np.array([[getattr(o, name).ctypes.data for name in STREAMS] for o in streams], np.int64),
             *(np.array([len(getattr(o, name)) for o in streams], np.int64) for name in ("drive_code", "frames")),
             np.zeros(LANES),
@@ -331,7 +331,7 @@ def _advance(engine_, sims, first, ticks, profiles, progress, stop):
             progress(first, elapsed_ticks)
 
 
-def _stacked(items):
+def _stack_lanes(items):
     """(8, ...) of up to eight arrays; places left over repeat the first."""
     return np.stack([np.ascontiguousarray(item) for item in items] + [items[0]] * (LANES - len(items)))
 

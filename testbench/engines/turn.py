@@ -48,13 +48,13 @@ def word_at(turn, clock):
 
 
 @inner
-def widened(d, word):
+def widen_word(d, word):
     """A phase or frequency word of a design in turns / 2^48."""
     return word << (WIDEST - d.dds_bits)
 
 
 @inner
-def narrowed(d, word):
+def narrow_word(d, word):
     """The word of a design that a number of turns / 2^48 stands for."""
     return word >> (WIDEST - d.dds_bits)
 

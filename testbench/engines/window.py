@@ -126,7 +126,7 @@ def run_window(d, p, s, i, bank):
     What has nothing to do in a slot is at rest there: CORDIC first, then the sequencer, the loops, root and output.
     """
     s = s._replace(cordic=closed_form_window.rotate(d, s.cordic, cordic.negated(i.drive_cos), i.drive_sin))
-    s = s._replace(sequencer=control.sequenced(p, s, i, bank))
+    s = s._replace(sequencer=control.step_sequencer(p, s, i, bank))
     s, word = closed_form_window.close_loops(d, p, s, i, bank)
     out = closed_form_window.scale_rate(control.output_params(bank), s.rate_output)
     loop = s.quadrature_loop._replace(root=closed_form_window.root(s.quadrature_loop.root))

@@ -7,7 +7,7 @@ import math
 from xml.sax.saxutils import quoteattr
 
 from analog_frontend.effects import acceleration
-from testbench.fmu.variables import BOOLEAN, INPUT, INT32, INT64, OUTPUT, REAL, numbered
+from testbench.fmu.variables import BOOLEAN, INPUT, INT32, INT64, OUTPUT, REAL, value_references
 from testbench.version import VERSION
 
 TYPES = {
@@ -71,7 +71,7 @@ def _variables_2(first, v):
 
 
 def _structure_3(variables):
-    outputs = [first for first, v in numbered(variables) if v.causality == OUTPUT]
+    outputs = [first for first, v in value_references(variables) if v.causality == OUTPUT]
     lines = [f'<Output valueReference="{n}" dependencies=""/>' for n in outputs]
     return [*lines, *(f'<InitialUnknown valueReference="{n}" dependencies=""/>' for n in outputs)]
 
@@ -91,12 +91,12 @@ def model(version, name, text, token, variables, sources, tick_hz):
     can = f'modelIdentifier="gyro_{name}" {STATES[version]} canHandleVariableCommunicationStepSize="false"'
     if version == "3.0":
         can = f'<CoSimulation {can} hasEventMode="false" fixedInternalStepSize="{step}"/>'
-        body = [_variable_3(first, v) for first, v in numbered(variables)]
+        body = [_variable_3(first, v) for first, v in value_references(variables)]
         structure = _structure_3(variables)
     else:
         files = "".join(f"<File name={quoteattr(file)}/>" for file in sources)
         can = f"<CoSimulation {can}><SourceFiles>{files}</SourceFiles></CoSimulation>"
-        body = [line for first, v in numbered(variables) for line in _variables_2(first, v)]
+        body = [line for first, v in value_references(variables) for line in _variables_2(first, v)]
         structure = _structure_2(variables)
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<fmiModelDescription {_xml(head)}>", can]
     lines += ["<UnitDefinitions>", *UNITS, "</UnitDefinitions>"]

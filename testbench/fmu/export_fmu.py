@@ -22,7 +22,7 @@ from testbench.config import scenario
 from testbench.errors import ConfigError
 from testbench.fmu import description, firmware_source, plant_words, variables
 from testbench.run.simulation import Simulation
-from testbench.storage.files import replacing_folder
+from testbench.storage.files import replace_folder
 from testbench.tool import run_tool
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -150,7 +150,7 @@ def units(config, version="3.0"):
 
 def export(folder, config, version="3.0"):
     """Write both FMUs of a configuration, and for FMI 3.0 the importer; returns the paths."""
-    with replacing_folder(folder, keep=True) as new:
+    with replace_folder(folder, keep=True) as new:
         files = _files(config, version)
         for name, content in files.items():
             (new / name).parent.mkdir(exist_ok=True)

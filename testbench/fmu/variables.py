@@ -84,7 +84,7 @@ def plant(start, temp_degc, acceleration_g=0.0):
     return [TIME, *stimulus, *_code_variables(PINS, INPUT, idle), *_code_variables(CONVERTER, OUTPUT, {}), *motion]
 
 
-def numbered(variables):
+def value_references(variables):
     """[(value reference, variable)]."""
     first, references = 0, []
     for v in variables:
@@ -95,7 +95,7 @@ def numbered(variables):
 
 def header(variables, token, tick_hz):
     """Text of variables.h."""
-    placed = numbered(variables)
+    placed = value_references(variables)
     slots = [(v, k) for _, v in placed for k in range(v.size)]
     sizes = ", ".join(str(0 if k else v.size) for v, k in slots)
     inputs = ", ".join(str(int(v.causality == INPUT)) for v, _ in slots)

@@ -23,7 +23,7 @@ from testbench.golden.recording import board_recording, host_board
 from testbench.register_map import export_registers as register_map
 from testbench.run import simulate
 from testbench.run.simulation import Simulation
-from testbench.storage.files import replacing_folder
+from testbench.storage.files import replace_folder
 
 TEMPLATES = Path(__file__).with_name("templates")
 RTL = Path(__file__).parents[1] / "rtl"
@@ -78,7 +78,7 @@ def export(folder, config, bus="spi"):
     if bus not in BUSES:
         raise ConfigError(f"gyro host: --bus {bus}: one of {', '.join(BUSES)} is needed")
     folder = Path(folder)
-    with replacing_folder(folder, MARK) as new:
+    with replace_folder(folder, MARK) as new:
         write_loop(new, *locked_simulation(config), bus)
         register_map.export(new / "map", config)
     return [folder / name for name in OPEN_FIRST]

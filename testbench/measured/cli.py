@@ -168,7 +168,7 @@ def import_(
     from testbench.measured.record import checks
     from testbench.storage.record import RecordError, write_record
 
-    imported = assemble.imported(files, columns)
+    imported = assemble.import_files(files, columns)
     findings = checks.check(imported.record)
     refused = [str(f) for f in findings if f.level == "refused"]
     if refused:
@@ -211,7 +211,7 @@ def residuals(
     if kind not in ("R1", "R2"):
         raise ConfigError(f"--kind {kind}: is neither R1 nor R2")
     with _progress(as_json) as progress:
-        record = firmware_words.completed(load_record.load(file, replay=False).record)[0]
+        record = firmware_words.complete_record(load_record.load(file, replay=False).record)[0]
         model = check_tables.stated_config(record)
         overrides = [config.parse_set(text) for text in sets or ()]
         if overrides:
@@ -251,10 +251,10 @@ def calibrate(
 
     with _progress(as_json) as progress:
         loaded = load_record.load(file, progress=progress)
-        if loaded.blocked:
+        if loaded.is_blocked:
             raise ConfigError(f"{file}: {loaded.residual.verdict}; physics waits for an override (R16)")
         try:
-            result = calibration.calibrate(firmware_words.completed(loaded.record)[0], starts, progress=progress)
+            result = calibration.calibrate(firmware_words.complete_record(loaded.record)[0], starts, progress=progress)
         except ValueError as problem:
             raise ConfigError(problem) from None
     heldout_pairs = [(a, b) for a, b in zip(result.before.rows, result.after.rows) if a.role == "validate"]
@@ -263,7 +263,7 @@ def calibrate(
             {
                 "values": result.values,
                 "sd": result.sd,
-                "converged": result.converged,
+                "converged": result.is_converged,
                 "decrement": result.decrement,
                 "costs": list(result.costs),
                 "at_bound": list(result.at_bound),
@@ -291,7 +291,7 @@ def calibrate(
         tables.append(Table("Held out", heads, rows, numeric=(3, 4, 5, 6)))
     print_tables(tables)
     typer.echo(
-        ("converged" if result.converged else "NOT converged") + f": a further step promises {result.decrement:.2g}"
+        ("converged" if result.is_converged else "NOT converged") + f": a further step promises {result.decrement:.2g}"
     )
     typer.echo(f"costs of the starts: {', '.join(f'{cost:.4g}' for cost in result.costs)}")
     for direction in result.directions:
@@ -339,13 +339,13 @@ def trace(o):
     from testbench.measured.closed_loop import loop_trace
     from testbench.measured.exam import exam, part_page
     from testbench.measured.models.part_problem import PartProblem
-    from testbench.measured.openers import determined, open_problem
+    from testbench.measured.openers import catch_singular, open_problem
     from testbench.tracing import trace_report as page
     from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
     opener_options = _pairs(o.option) | ({"priors": o.priors} if o.priors else {})
-    with _progress(False) as progress, determined(o.files):
+    with _progress(False) as progress, catch_singular(o.files):
         traced, name = trace_recording.trace_table(o.files, opener_options), "numbers"
         if not traced:
             problem = open_problem(o.files, opener_options)

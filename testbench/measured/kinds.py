@@ -20,7 +20,7 @@ from testbench.measured.parts import (
 )
 
 
-def nothing(paths, options):
+def no_content(paths, options):
     """A kind without an opener or without a report of its own knows no content."""
     return None
 
@@ -29,8 +29,8 @@ class Kind(NamedTuple):
     """How files of one kind are found and opened."""
 
     jobs: Callable
-    opener: Callable = nothing
-    report: Callable = nothing
+    opener: Callable = no_content
+    report: Callable = no_content
 
 
 KINDS = (

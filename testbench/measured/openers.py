@@ -27,7 +27,7 @@ def single_part(paths, options):
     from testbench.measured.formats import sheets
     from testbench.measured.quality import examine
 
-    findings = examine.refused(sheets.examine(paths, options.get("channel")), options.get("quality", ""))
+    findings = examine.enforce_quality(sheets.examine(paths, options.get("channel")), options.get("quality", ""))
     problem = kinds.first_match(kind.opener(paths, options) for kind in kinds.KINDS)
     if problem is not None:
         problem.quality = findings
@@ -48,7 +48,7 @@ def part_findings(paths):
 
 
 @contextlib.contextmanager
-def determined(paths):
+def catch_singular(paths):
     """Data that fix no model end in the linear algebra: one line."""
     try:
         yield
@@ -64,9 +64,9 @@ def open_problem(paths, options):
     for path in paths:
         if not os.path.exists(path):
             raise FileError(f"{path}: no such file")
-    with determined(paths):
+    with catch_singular(paths):
         for opener in OPENERS:
             problem = opener(paths, options)
             if problem is not None:
                 return problem
-    raise FileError(f"{paths[0]}: content of no known kind. Nearest is {readers.lacking(paths[0])}")
+    raise FileError(f"{paths[0]}: content of no known kind. Nearest is {readers.describe_mismatch(paths[0])}")

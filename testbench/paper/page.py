@@ -67,7 +67,7 @@ def explain_cases(config, points, calibration):
     return dict(sorted(out.items()))
 
 
-def predicted(rows):
+def prediction_sentence(rows):
     """What is predicted, in one sentence."""
     names = dict.fromkeys(judge_table.short(row.number.quantity) for row in rows if row.verdict == "predicted")
     quantity_names = "; ".join(names) if names else "nothing"
@@ -154,7 +154,7 @@ def write(study, path=None):
     model = simulated.model(study.config, parts["calibration"], parts["points"], parts["records"])
     compared = judge.rows(model)
     notes = [
-        predicted(compared),
+        prediction_sentence(compared),
         judge_table.sentence(compared),
         "The paper: Phase error analysis for MEMS gyroscopes operational modes based on force-to-rebalance rate "
         "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available: "

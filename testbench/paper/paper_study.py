@@ -61,7 +61,7 @@ def check(config):
                 )
 
 
-def _calibrated(config, engine):
+def _calibrate_board(config, engine):
     return calibrations.many(config, 1, None, 25.0, True, None, engine)[0]
 
 
@@ -93,7 +93,7 @@ class Study:
         self.points()
 
     def _calibration(self):
-        return Job("calibration", None, _calibrated, (self.config, choose_engine(self.config)))
+        return Job("calibration", None, _calibrate_board, (self.config, choose_engine(self.config)))
 
     def calibration(self):
         """The base board, calibrated from words at zero, with the minimum of A_d beside the detuning."""

@@ -165,7 +165,7 @@ def _quiet_allan(config, seconds, lsb_per_dps):
     bench.wait(4.0)
     pieces = []
     for _ in range(max(1, round(seconds / 10.0))):
-        pieces.append(measure_allan.averaged(bench.record(10.0)["rate_word"].astype(float)))
+        pieces.append(measure_allan.average_rows(bench.record(10.0)["rate_word"].astype(float)))
     rate = np.concatenate(pieces) / lsb_per_dps
     allan = measure_allan.analyse(rate, measure_allan.BASE_FRAMES * bench.frame_s)
     return {"arw_deg_per_rt_h": allan.arw_deg_per_rt_h, "instability_deg_per_h": allan.instability_deg_per_h}

@@ -57,11 +57,11 @@ def _text(value):
 
 def open_library(path):
     """`Library` of a file; FileError with one line if it is none."""
-    return _loaded(str(path), read_bytes(path))
+    return _load_library(str(path), read_bytes(path))
 
 
 @functools.cache
-def _loaded(path, data):
+def _load_library(path, data):
     """`Library` of these bytes, once in a process."""
     contents = _load_python(path, data) if path.endswith(".py") else _load_native(path, data)
     return Library(path, hashlib.sha256(data).hexdigest(), *contents)

@@ -22,7 +22,7 @@ from testbench.config import Config
 from testbench.errors import ConfigError
 from testbench.register_map import c_header, systemrdl
 from testbench.register_map.systemrdl import NAME
-from testbench.storage.files import replacing_folder
+from testbench.storage.files import replace_folder
 from testbench.version import VERSION
 
 RDL = f"{NAME}.rdl"
@@ -86,7 +86,7 @@ def export(folder, config=None):
     ConfigError if a package is missing; FileError if the folder holds anything else or cannot be written
     """
     config, folder = config or Config(), Path(folder)
-    with replacing_folder(folder, RDL) as new:
+    with replace_folder(folder, RDL) as new:
         (new / RDL).write_text(systemrdl.text(config.design_record()))
         top = compiled(new / RDL)
         (new / "c").mkdir()

@@ -41,7 +41,7 @@ HALVES = {
 }
 
 
-def _quoted(text):
+def _quote_text(text):
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
@@ -67,12 +67,12 @@ def _reg(word):
     register = word.register
     access = "constant" if register.access == "ro" and not register.path else register.access
     properties = {
-        "name": _quoted(word.name),
-        "desc": _quoted(_description(word)),
-        "gyro_format": _quoted(str(register.fmt)),
+        "name": _quote_text(word.name),
+        "desc": _quote_text(_description(word)),
+        "gyro_format": _quote_text(str(register.fmt)),
         "gyro_signed": "true" if register.fmt.s else "false",
-        "gyro_unit": _quoted(unit(register)),
-        "gyro_lsb": _quoted(lsb(register)),
+        "gyro_unit": _quote_text(unit(register)),
+        "gyro_lsb": _quote_text(lsb(register)),
         "gyro_low_bit": word.low_bit,
     }
     enumerations = [_enumeration(f"{word.name.lower()}_values", field) for field in word.fields if field.values]

@@ -129,10 +129,14 @@ class AnomalyDetector:
         """Sentences, one for each doubt."""
         scenario = config.scenario
         profiles = any(isinstance(v, (list, tuple)) for v in (scenario.rate_dps, scenario.temperature_degc))
-        steady = () if profiles or config.plant.self_heating_k else (*self._rang(), *self._not_null(), *self._drifted())
-        return (*self._repeated(config), *self._jumped(scenario), *steady)
+        steady = (
+            ()
+            if profiles or config.plant.self_heating_k
+            else (*self._warn_ringing(), *self._warn_offsets(), *self._warn_drifts())
+        )
+        return (*self._warn_repeats(config), *self._warn_jumps(scenario), *steady)
 
-    def _repeated(self, config):
+    def _warn_repeats(self, config):
         if config.firmware.board != "analog_sid" or not self.frames:
             return
         frame_ms = 1e3 / config.design_record().frame_hz
@@ -140,24 +144,24 @@ class AnomalyDetector:
             if p**longest * self.frames < REPEATED:
                 yield f"{name} repeated one code for {longest + 1} frames ({longest * frame_ms:.3g} ms): frozen?"
 
-    def _jumped(self, scenario):
+    def _warn_jumps(self, scenario):
         explained = OFTEN * (len(scenario.register_writes) + _rate_jumps(scenario))
         for name, blocks in zip(CODES, self.jumps.tolist()):
             if blocks >= OFTEN + explained:
                 yield f"{name} jumps by more than {SIGMAS:g} times its scatter in {blocks} {OF_BLOCKS}: spikes?"
 
-    def _rang(self):
+    def _warn_ringing(self):
         if self.rings >= OFTEN:
             yield f"the sense mode swings freely in {self.rings} {OF_BLOCKS}: does a DAC stand still at times?"
 
-    def _not_null(self):
+    def _warn_offsets(self):
         for name, what in NULLED.items():
             means = self.means[-(len(self.means) // QUARTER) :, SUMMED.index(name)]
             mean = np.median(means) if len(self.means) >= QUARTER else 0.0
             if abs(mean) > NULL_CODES:
                 yield f"{name} has a mean of {mean:.0f} codes at the end: the {what} loop does not null it"
 
-    def _drifted(self):
+    def _warn_drifts(self):
         quarter = len(self.means) // QUARTER
         if quarter < 2:
             return

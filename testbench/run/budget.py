@@ -18,7 +18,7 @@ from analog_frontend.parts import propagator, thermal
 from fpga_model import dds, references, sine, spi_dac
 from fpga_model.design_record import DEFAULT
 from testbench.arguments import number
-from testbench.config import TEMPS_DEGC, changed, needed
+from testbench.config import TEMPS_DEGC, changed, require_config
 from testbench.engines import chips
 from testbench.errors import ConfigError
 from testbench.run import build
@@ -79,14 +79,14 @@ class Budget(NamedTuple):
     amplifiers: tuple = ()  # amplifier_use.Use of each
 
     def node_deg(self):
-        return {node: _wrapped(sum(row.degrees for row in self.rows[node])) for node in self.rows}
+        return {node: _wrap_degrees(sum(row.degrees for row in self.rows[node])) for node in self.rows}
 
     def loop_deg(self):
         node = self.node_deg()
-        return {name: _wrapped(node[name] + sum(r.degrees for r in rows)) for name, rows in self.loop_rows.items()}
+        return {name: _wrap_degrees(node[name] + sum(r.degrees for r in rows)) for name, rows in self.loop_rows.items()}
 
 
-def _wrapped(deg):
+def _wrap_degrees(deg):
     return deg if -180.0 <= deg <= 180.0 else (deg + 180.0) % 360.0 - 180.0
 
 
@@ -159,7 +159,7 @@ def _amplifiers(config, temp_degc, f_hz):
 
 def budget(config, temp_degc=None, frequency_hz=None):
     """Budget of a configuration at `temp_degc` (default: the scenario's first) and at a frequency (default: f_x)."""
-    start = needed(config).scenario.temperature_degc
+    start = require_config(config).scenario.temperature_degc
     if temp_degc is None:
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]
     temp_degc = number("temp_degc", temp_degc, *TEMPS_DEGC, "degC")

@@ -179,15 +179,17 @@ def firmware(config):
             record,
         ),
     )
-    return fpga_params._replace(control=_narrowed(fpga_params.control, config.design))
+    return fpga_params._replace(control=_narrow_loops(fpga_params.control, config.design))
 
 
-def _narrowed(loops, design):
+def _narrow_loops(loops, design):
     """The parameters of the four loops, their gains in the fraction bits of a [design], held by its accumulators."""
     for name in ("agc", "frequency_tracker", "rate_loop", "quadrature_loop"):
         one, key = getattr(loops, name), "coefficient_fraction_bits"
         try:
-            loops = loops._replace(**{name: one._replace(loop=pi.narrowed(one.loop, design.coefficient_fraction_bits))})
+            loops = loops._replace(
+                **{name: one._replace(loop=pi.round_gains(one.loop, design.coefficient_fraction_bits))}
+            )
             key = "accumulator_fraction_bits"
             pi.check_accumulator(getattr(loops, name).loop, design.accumulator_fraction_bits)
         except ValueError as problem:

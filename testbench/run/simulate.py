@@ -24,7 +24,7 @@ import numpy as np
 
 from fpga_model import quadrature_loop, sequencer
 from testbench.arguments import number
-from testbench.config import changed, from_dict, needed, placeless, scenario, to_toml
+from testbench.config import changed, from_dict, placeless, require_config, scenario, to_toml
 from testbench.engines import engine
 from testbench.errors import ConfigError, FileError
 from testbench.run import build, nodes, summary
@@ -127,7 +127,9 @@ def lock_limit_s(config):
 
 def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=None):
     """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None."""
-    limit_s = lock_limit_s(needed(config)) if limit_s is None else number("limit_s", limit_s, 0.0, MOST_LOCK_S, "s")
+    limit_s = (
+        lock_limit_s(require_config(config)) if limit_s is None else number("limit_s", limit_s, 0.0, MOST_LOCK_S, "s")
+    )
     limit = round(limit_s * sim.design.tick_hz)
     sim.now = sim.conditions(rate_rad_s, temp_degc)
     if max(map(len, sim.now)) > 1:
@@ -273,7 +275,7 @@ class Run:
     """
 
     def __init__(self, config, directory=None, resume=False):
-        self.config = needed(config)
+        self.config = require_config(config)
         self.timeline = scenario.expand(config.scenario, config.design_record())
         self.temp_before_degc, self.rate_before_rad_s = self.timeline.temp_before_degc, self.timeline.rate_before_rad_s
         lo, hi = self.timeline.temp_degc.limits()

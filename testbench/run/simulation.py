@@ -24,7 +24,7 @@ from fpga_model import bound, fixed, registers, sequencer
 from fpga_model import top as fpga
 from testbench import flatten, interrupts
 from testbench.arguments import integer, name_of_file, number, series
-from testbench.config import TEMPS_DEGC, from_dict, host_frames, needed, placeless, scenario, to_toml
+from testbench.config import TEMPS_DEGC, from_dict, host_frames, placeless, require_config, scenario, to_toml
 from testbench.engines import engine as clocked
 from testbench.errors import ConfigError, FileError
 from testbench.port.plant import Plant
@@ -73,7 +73,7 @@ class Simulation:
     """
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, window=None, engine=None):
-        self.config = needed(config)
+        self.config = require_config(config)
         temp_lo_degc = number("temp_lo_degc", temp_lo_degc, *TEMPS_DEGC, "degC")
         temp_hi_degc = number("temp_hi_degc", temp_hi_degc, temp_lo_degc, TEMPS_DEGC[1], "degC, from temp_lo_degc on")
         self.temps_degc = temp_lo_degc - ROUNDING_K, temp_hi_degc + ROUNDING_K
@@ -89,7 +89,7 @@ class Simulation:
         self.rise_k = 0.0
         temp_hi_degc += config.plant.self_heating_k
         design_check.check(config)
-        if stale := bound.replaced():
+        if stale := bound.outdated_functions():
             raise RuntimeError(f"{stale[0]} was compiled before something that it calls was replaced: start anew")
         try:
             self.params = build.params(config, temp_lo_degc, temp_hi_degc)
@@ -130,14 +130,14 @@ class Simulation:
         self._engine = name
 
     @property
-    def averaged(self):
+    def is_averaged(self):
         """True for the engine that knows no codes of single ticks."""
         return self.engine == "baseband"
 
     @property
     def chunk_ticks(self):
         """Longest chunk that is worth while for the engine."""
-        return BASEBAND_CHUNK_TICKS if self.averaged else CHUNK_TICKS
+        return BASEBAND_CHUNK_TICKS if self.is_averaged else CHUNK_TICKS
 
     @property
     def tick(self):
@@ -159,7 +159,7 @@ class Simulation:
         raw, entry = integer(f"write: {name}", raw, formats[name].lo, formats[name].hi), registers.BY_NAME[name]
         address, data = entry.address, registers.to_bus(raw, entry.fmt)
         if self.config.scenario.host == "spi":
-            frame = host_frames.written(self.design, entry, raw)
+            frame = host_frames.encode_write(self.design, entry, raw)
             address, data = frame.address, frame.data
             self.advance(frame.ticks, *self.now)
         self._advance(1, *self.now, (1, address, data))
@@ -215,17 +215,17 @@ class Simulation:
     def chunk(self, ticks, rate, temp, probe_ticks=0):
         """What an engine is told for the next `ticks`: rates (rad/s) and temperatures (degC) per frame, and Streams."""
         need = self.frame_index(ticks) + 2
-        rate, temp = _lengthened(rate, need), _lengthened(temp, need)
+        rate, temp = _extend_values(rate, need), _extend_values(temp, need)
         self.now = (rate[-1:], temp[-1:])
         inside = self.in_window and not probe_ticks
         streams = clocked.streams(
-            ticks if self.keep_codes and not self.averaged else 0,
+            ticks if self.keep_codes and not self.is_averaged else 0,
             frames_begun(self.tick, ticks, self.design.frame_ticks),
             self.design.tick_clocks * ticks if inside else 0,
             probe_ticks,
             self.register_count if inside else 0,
         )
-        return rate, self._warmed(temp, ticks), streams
+        return rate, self._add_heating(temp, ticks), streams
 
     def commit_chunk(self, state, streams, inside=False):
         """An engine has come to `state` and filled `streams`; `inside` the register window."""
@@ -259,7 +259,7 @@ class Simulation:
             return np.zeros((2, 0), np.int32)
         return np.stack([np.concatenate(pieces)[-SPECTRUM_TICKS:] for pieces in zip(*self._tail)])
 
-    def _warmed(self, temp_degc, ticks):
+    def _add_heating(self, temp_degc, ticks):
         """Ambient temperatures plus the rise by self-heating, one step for each frame begun in the chunk."""
         if not self.heating.final_k:
             return temp_degc
@@ -278,7 +278,7 @@ class Simulation:
         """
         if not self.keep_codes:
             raise ValueError("simulation: no hash of codes that are not kept")
-        return "frames:" * self.averaged + self.hash.hexdigest()
+        return "frames:" * self.is_averaged + self.hash.hexdigest()
 
     def columns(self):
         """All frames so far as {name: array}, registers and truth together, if it keeps its rows."""
@@ -468,7 +468,7 @@ def _parse_window(window):
     return integer("window[0]", first, 0, MOST_TICKS, "ticks"), integer("window[1]", ticks, 1, MOST_TICKS, "ticks")
 
 
-def _lengthened(values, need):
+def _extend_values(values, need):
     """Values for `need` frames, the last one repeated; one value is for all of them."""
     if len(values) >= need:
         return np.ascontiguousarray(values[:need], float)

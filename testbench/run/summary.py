@@ -54,7 +54,9 @@ def run_result(job, end, reading, wall_s):
         "counter_deg": None if node_phases is None else node_phases.counter_deg,
         "counter_resolution_deg": None if node_phases is None else node_phases.counter_resolution_deg,
         "uneven_deg": None if node_phases is None else node_phases.uneven_deg,
-        "derived_deg": None if node_phases is None else _derived(config, node_phases, tally.temp_degc, 1 / clock_hz),
+        "derived_deg": None
+        if node_phases is None
+        else _derived_terms(config, node_phases, tally.temp_degc, 1 / clock_hz),
         "budget_deg": planned.node_deg(),
         "loop_phase_deg": None if node_phases is None else _loop_phases(node_phases.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
@@ -91,7 +93,7 @@ def run_result(job, end, reading, wall_s):
     )
 
 
-def _derived(config, node_phases, temp_degc, clock_s):
+def _derived_terms(config, node_phases, temp_degc, clock_s):
     """Terms (deg) of the readings of xe2 and ye2 that are no property of the board: the mode's frequency, the tick."""
     base, added = config.device(), {}
     warm, tick_s = thermal.device_at_temperature(base, temp_degc), clock_s * config.design_record().tick_clocks

@@ -44,7 +44,7 @@ def _fresh():
     return params, clocked.reset(params, 25.0)
 
 
-def _advanced(run):
+def _run_chunk(run):
     """A chunk of an engine, for the sake of its compilation."""
     params, s = _fresh()
     frames = EDGE_TICKS // FRAME_TICKS
@@ -63,7 +63,7 @@ def _advanced(run):
 
 def compile_clocked():
     """The clocked engine."""
-    _advanced(clocked.run)
+    _run_chunk(clocked.run)
 
 
 def _compile_plant(params, s, edges):
@@ -81,7 +81,7 @@ def compile_frame():
     _compile_plant(params, s, edges)
     chunk = clocked.Chunk(0, np.zeros(1), np.zeros(1), 0, 0, 0, clocked.Faults(), clocked.streams(), edges)
     frame.run_blocks(params, s.fpga, s.chips, s.plant, chunk, 0, 0, -1, pins.buffers())
-    _advanced(frame.run)
+    _run_chunk(frame.run)
 
 
 def compile_lanes():
@@ -98,7 +98,7 @@ def compile_baseband():
     """The baseband engine."""
     from testbench.engines import baseband
 
-    _advanced(baseband.run)
+    _run_chunk(baseband.run)
 
 
 def _child(part):

@@ -147,7 +147,7 @@ class Partial:
             self._lock = None
 
 
-def unfinished(directory):
+def open_partial(directory):
     """The interrupted run of a folder, held by this process."""
     partial = Partial(directory)
     partial.check()

@@ -209,7 +209,7 @@ def atomic_outputs():
 
 
 @contextlib.contextmanager
-def replacing(path):
+def replace_file(path):
     """Yield the name to write to; the file takes its place when the block ends well, and vanishes when it does not.
 
     FileError if another process writes it.
@@ -227,14 +227,14 @@ def replacing(path):
 
 
 @contextlib.contextmanager
-def replacing_folder(path, mark=None, keep=False):
-    """As `replacing`, of a new folder, which takes the place of `path` as a whole.
+def replace_folder(path, mark=None, keep=False):
+    """As `replace_file`, of a new folder, which takes the place of `path` as a whole.
 
     keep  what else is in the folder stays
     mark  otherwise: file of a folder that may be replaced; any other that is not empty is refused. None: all are
     """
     path = Path(path)
-    with replacing(path) as new:
+    with replace_file(path) as new:
         if path.is_dir() and any(path.iterdir()):
             if not keep and (mark is None or not (path / mark).is_file()):
                 why = f" and has no {mark}" if mark else ""
@@ -267,7 +267,7 @@ def _carry(old, new):
 
 def write_bytes(path, data):
     """Write a whole file, or nothing."""
-    with replacing(path) as part:
+    with replace_file(path) as part:
         part.write_bytes(data)
 
 

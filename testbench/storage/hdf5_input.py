@@ -45,21 +45,21 @@ def open_hdf5(path):
             sandboxed_read.read_in_subprocess("testbench.storage.hdf5_input", path, "HDF5 file")
         except FileError as problem:
             raise RecordError(path, [str(problem).removeprefix(f"{path}: ")]) from None
-    return _opened(path, path, path.stat().st_size)
+    return _open_file(path, path, path.stat().st_size)
 
 
 def open_bytes(data, path):
     """As `open_hdf5` for the contents of a file, whose seal the caller has checked."""
-    return _opened(io.BytesIO(data), path, len(data))
+    return _open_file(io.BytesIO(data), path, len(data))
 
 
-def _opened(source, path, packed):
+def _open_file(source, path, packed):
     try:
         file = h5py.File(source, "r")
     except OSError:
         raise RecordError(path, ["R01 / expected an HDF5 file, found something else"]) from None
     try:
-        with inputs.parsing(path, "HDF5 file"):
+        with inputs.explain_damage(path, "HDF5 file"):
             size = 0
             for _, more in _sizes(path, file, packed):
                 size += more
@@ -130,7 +130,7 @@ def _row_blocks(dataset, rows):
 
 def _read_all(path):
     """Read everything once: every attribute, and every dataset in pieces."""
-    with _opened(path, path, path.stat().st_size) as file, inputs.parsing(path, "HDF5 file"):
+    with _open_file(path, path, path.stat().st_size) as file, inputs.explain_damage(path, "HDF5 file"):
         for item, _ in _sizes(path, file, path.stat().st_size):
             list(item.attrs.values())
             if isinstance(item, h5py.Dataset) and item.shape:

@@ -3,7 +3,7 @@
     open_input  binary file object        read_bytes, read_text   contents
     head        first bytes               read_lines              (number, line)
     read_json   checked against a type    read_toml               a dictionary
-    parsing     what a library raises inside becomes one FileError
+    explain_damage  what a library raises inside becomes one FileError
 
 A FIFO, a device or a directory is refused before anything is read, so that nothing waits and nothing is endless. Limits
 hold before reading; what expands (archives, HDF5, Parquet) is limited by `expansion` before it is unpacked.
@@ -111,7 +111,7 @@ def read_lines(path, encoding="utf-8", errors="strict"):
 
 
 @contextlib.contextmanager
-def parsing(source, what, error=FileError):
+def explain_damage(source, what, error=FileError):
     """What a library raises about damaged input becomes one line: PLACE: is no WHAT that can be read: REASON.
 
     Only calls of libraries belong inside: an error of our own would be taken for damage.
@@ -160,7 +160,7 @@ def validate_data(data, kind, source, error=FileError):
 
 def parse_json(text, source, kind=dict, error=FileError):
     """JSON text (or bytes) as a value of the type `kind`."""
-    with parsing(source, "JSON", error):
+    with explain_damage(source, "JSON", error):
         data = json.loads(text)
     return validate_data(data, kind, source, error)
 

@@ -24,7 +24,7 @@ HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 def read_npz(data, source):
     """Arrays of an archive by name; FileError with one line."""
-    with inputs.parsing(source, "archive of arrays"), zipfile.ZipFile(io.BytesIO(data)) as archive:
+    with inputs.explain_damage(source, "archive of arrays"), zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = archive.infolist()
         if len(members) > MOST_MEMBERS:
             raise FileError(f"{source}: {len(members)} members are more than the limit of {MOST_MEMBERS}")

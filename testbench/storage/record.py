@@ -147,7 +147,7 @@ def content_digest(streams, tables, config_toml, provenance, clock_ppm, attrs, c
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def described(column, digest, rows):
+def describe_stream(column, digest, rows):
     """What the content hash says about a stream, apart from its values."""
     dtype = column.data.dtype
     return {
@@ -279,7 +279,7 @@ class RecordWriter:
         if empty.dtype.kind not in KINDS:
             raise ValueError(f"stream {name}: {empty.dtype} is not a number type")
         column = Column(empty, unit, num, den, edge0, {key: plain_attribute(value) for key, value in attrs.items()})
-        dataset = self._growing(f"streams/{name}", empty.dtype, compress)
+        dataset = self._create_dataset(f"streams/{name}", empty.dtype, compress)
         for key, value in {**column.attrs, "unit": unit, "units": unit}.items():
             dataset.attrs[key] = value
         dataset.attrs["fs_num"], dataset.attrs["fs_den"], dataset.attrs["edge0"] = num, den, edge0
@@ -316,7 +316,7 @@ class RecordWriter:
             dataset.attrs["unit"] = dataset.attrs["units"] = column.unit
             dataset.dims[0].attach_scale(row)
 
-    def _growing(self, path, dtype, compress=True):
+    def _create_dataset(self, path, dtype, compress=True):
         rows = max(1024, CHUNK_BYTES // dtype.itemsize)
         packed = {"compression": 1, "shuffle": True} if compress else {}
         return self._file.create_dataset(
@@ -342,7 +342,7 @@ class RecordWriter:
             rows = {len(self._file[f"streams/{name}"]) for name in names}
             if len(rows) != 1:
                 raise ValueError(f"streams {', '.join(names)}: one rate, but different lengths {sorted(rows)}")
-            scale = self._growing(f"streams/{axis}", np.dtype(np.int64))
+            scale = self._create_dataset(f"streams/{axis}", np.dtype(np.int64))
             digest = hashlib.sha256()
             total = rows.pop()
             for first in range(0, total, CHUNK_BYTES):
@@ -364,7 +364,7 @@ class RecordWriter:
     def _head_attrs(self):
         config_toml, provenance, clock_ppm, attrs = self._head
         streams = {
-            name: described(column, self._digests[name].hexdigest(), len(self._file[f"streams/{name}"]))
+            name: describe_stream(column, self._digests[name].hexdigest(), len(self._file[f"streams/{name}"]))
             for name, column in self._streams.items()
         }
         self.content_sha256 = content_digest(streams, described_tables(self._tables), *self._head, self._clock_hz)

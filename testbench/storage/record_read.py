@@ -23,7 +23,7 @@ from testbench.storage.record import (
     axis_name,
     column_digest,
     content_digest,
-    described,
+    describe_stream,
     described_tables,
     is_valid_unit,
     nominal_clock_hz,
@@ -91,7 +91,7 @@ def _read(file, findings):
         findings.append(f"R02 {path} expected a column, found nothing")
     if not findings:
         streams = {
-            name: described(column, digests[f"/streams/{name}"], len(column.data))
+            name: describe_stream(column, digests[f"/streams/{name}"], len(column.data))
             for name, column in record.streams.items()
         }
         content = content_digest(

@@ -32,7 +32,7 @@ def _module(path):
 
 
 @functools.cache
-def reached(*modules):
+def reachable_modules(*modules):
     """Sorted dotted names of all modules of ours that these reach, themselves included."""
     module_paths, ahead = {}, [".".join(m.split(".")[:n]) for m in modules for n in range(1, m.count(".") + 2)]
     while ahead:
@@ -40,7 +40,7 @@ def reached(*modules):
         if module in module_paths or (path := _path(module)) is None:
             continue
         module_paths[module] = path
-        imports = [*kernel_cache.imported(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
+        imports = [*kernel_cache.imported_files(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
         ahead.extend(_module(source) for source in imports)
     return tuple(sorted(module_paths))
 
@@ -48,7 +48,7 @@ def reached(*modules):
 @functools.cache
 def code_sha256(*modules):
     """SHA-256 over names and bytes of the sources that these modules reach."""
-    return bytes_sha256(reached(*modules))
+    return bytes_sha256(reachable_modules(*modules))
 
 
 def bytes_sha256(modules):

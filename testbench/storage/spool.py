@@ -94,7 +94,7 @@ def select_fields(names, decimate, design=DEFAULT, lsb=None):
     return out
 
 
-def _reduced(values, decimate, rule):
+def _reduce_groups(values, decimate, rule):
     """One value for each group of `decimate`."""
     groups = values.reshape(-1, decimate)
     if rule == SUM:
@@ -157,7 +157,7 @@ class Spool:
         out = np.empty(rows, self.dtype)
         for name, field in self.fields.items():
             values = (truth if field.truth else frames)[:used, field.index]
-            out[name] = values if self.decimate == 1 else _reduced(values, self.decimate, field.rule)
+            out[name] = values if self.decimate == 1 else _reduce_groups(values, self.decimate, field.rule)
         self._write(out)
         self.rows += rows
         self._held = [(frames[used:], truth[used:])]

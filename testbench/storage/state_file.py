@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.errors import FileError
 from testbench.interrupts import defer_interrupts
-from testbench.storage.files import GuardedFile, replacing, seal
+from testbench.storage.files import GuardedFile, replace_file, seal
 from testbench.storage.hdf5_input import open_hdf5
 from testbench.storage.inputs import parse_json
 from testbench.storage.record import KINDS, RecordError, column_digest, plain_attribute, versions
@@ -33,7 +33,7 @@ def save_state(path, values, source_format, meta=None):
         if array.dtype.kind not in KINDS or "/" in name:
             raise ValueError(f"state {name}: {array.dtype} is not a number type, or the name holds a slash")
     meta = {key: plain_attribute(value) for key, value in (meta or {}).items()}
-    with replacing(path) as part:
+    with replace_file(path) as part:
         guard = GuardedFile(part)
         with guard:
             with h5py.File(guard, "w") as file:

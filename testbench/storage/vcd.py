@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model.design_record import DEFAULT
-from testbench.storage.files import replacing, write_text
+from testbench.storage.files import replace_file, write_text
 from testbench.version import VERSION
 
 BLOCK_ROWS = 4096
@@ -177,7 +177,7 @@ def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clo
     comment = (
         f"Time 0 is one clock before edge {first_edge}; edge n is at (n + 1 - {first_edge}) / {clock_hz / 1e6:.9g} MHz."
     )
-    with replacing(path) as part, open(part, "wb") as file:
+    with replace_file(path) as part, open(part, "wb") as file:
         file.write(_header(tree, ids, comment).encode())
         before = None, None
         for begin in range(0, len(rows), BLOCK_ROWS):

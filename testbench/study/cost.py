@@ -31,7 +31,7 @@ class Cost(NamedTuple):
     tables: int
 
 
-def _unused(name, config):
+def _unused_bits(name, config):
     """Bits of a register that a design keeps at zero."""
     d, board = config.design, chips.design_chips(config.design)
     role, _, part = name.partition(".")
@@ -55,7 +55,7 @@ def design_cost(config):
     """`Cost` of a configuration's firmware."""
     design = config.design_record()
     leaves = format_leaves(formats(fpga.State, design))
-    registers = sum(fmt.width - _unused(name, config) for name, fmt in leaves)
+    registers = sum(fmt.width - _unused_bits(name, config) for name, fmt in leaves)
     slope, middle, out = (fmt.for_design(design) for fmt in (sine.SLOPE, sine.MIDDLE, sine.OUT))
     coefficient = pi.COEF.width - pi.COEF.f + config.design.coefficient_fraction_bits
     errors = LOOPS * pi.ERR.width - SENSE_LOOPS * (WORD_BITS - config.design.adc_bits)

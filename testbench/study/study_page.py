@@ -49,7 +49,7 @@ def _verdict(result):
     return Table("Limits fixed before the run", ("what", "found", "limit", "kept"), lines, note, (1, 2))
 
 
-def _compared(result):
+def _comparison_table(result):
     heads = (
         "design",
         "rule",
@@ -141,7 +141,7 @@ def _fronts(result):
 
 def tables(result):
     """Tables for the terminal and the page."""
-    return [_verdict(result), _compared(result), _figures(result), _fronts(result)]
+    return [_verdict(result), _comparison_table(result), _figures(result), _fronts(result)]
 
 
 def as_json(result):

@@ -145,7 +145,7 @@ def condition_table(fit):
     return {"cells": rows, "parameters_fitted": len(fit.model.columns)}
 
 
-def unexplained(tracer, out):
+def describe_misfit(tracer, out):
     """What is known about a misfit that no set of laws covers."""
     last = tracer.fits["after"]
     alarms = tracer.alarm(last, tracer.rankings(last), REFUSED)
@@ -245,7 +245,7 @@ def trace_result(tracer, decision):
     out.next_experiment = tracer.experiments
     out.discovery = discovery(tracer, out)
     if decision.verdict == "unexplained":
-        out.unexplained = unexplained(tracer, out)
+        out.unexplained = describe_misfit(tracer, out)
     out.tables = {"chi2_before": condition_table(base), "chi2_after": condition_table(last)}
     out.options, out.notes = asdict(tracer.options), [*tracer.notes, *(f.text for f in noise_findings)]
     return out

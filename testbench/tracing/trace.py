@@ -93,7 +93,7 @@ class Tracer:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
             self.held = Space(self.problem, "validate", self.held_noise)
-            self.held_noise = self.held_noise.refined()
+            self.held_noise = self.held_noise.unit_noise()
             again = Model(self.space, self.predictor)
             self.base = calibration.calibrate(again, self.options.starts, self.options.seed, self.base.fit.point)
         self.identified = identify.identify(self.base.fit)
@@ -130,7 +130,7 @@ class Tracer:
 
     def space_noise(self):
         """Octaves in units of the space in use."""
-        return self.noise.refined() if self.noise_rejected else self.noise
+        return self.noise.unit_noise() if self.noise_rejected else self.noise
 
     def adequate(self, fit):
         """Alarms again with the effects added, and the held-out test."""
@@ -164,12 +164,12 @@ class Tracer:
             self.report_progress("discovering")
             self.selections = discover.discover(self.problem, self.base.fit, self.pool, self.options.seed)
             result = work.run(self.pool, self.options.max_laws, discover.proposals(self.selections))
-        result = self.prune(self.supported(result))
+        result = self.prune(self.select_supported(result))
         self.posterior, self.priors = work.posterior(), work.priors
         self.rivals = [] if result.adequate else open_rivals(result)
         return result
 
-    def supported(self, result):
+    def select_supported(self, result):
         """Where the best set is not adequate: the set that fitted and held-out data together support most.
 
         Held-out data have chosen that set, and cannot judge it as data that took no part: see `verdict.with_search`.
@@ -244,11 +244,11 @@ class Tracer:
         self.posterior = self.work.posterior()
 
     def specific(self, best):
-        """Share of the laws of the pool that sets as large as `best` imitate at its size: `specificity.imitated`."""
+        """Share of the laws of the pool that sets as large as `best` imitate: `specificity.imitated_share`."""
         names = [n for n in self.pool.names if n not in self.pool.hidden]
         d = np.sqrt(max(0.0, self.base.fit.cost - self.found.fit(best).cost))
         least = specificity.detection_limit(len(names), verdict.LEVEL)
-        return specificity.imitated(self.pool, names, len(best), d, least, verdict.MINOR)
+        return specificity.imitated_share(self.pool, names, len(best), d, least, verdict.MINOR)
 
     def run(self):
         """`Result`."""
@@ -289,7 +289,7 @@ class Tracer:
             self.ranked = self.rankings(self.base.fit)
             self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
         self.p = verdict.correct_p(self.alarms.p_deterministic, self.options.looks)
-        self.notes += verdict.strayed(self.base.fit) if self.p < self.alpha else []
+        self.notes += verdict.nuisance_notes(self.base.fit) if self.p < self.alpha else []
         return self.p < self.alpha
 
     def conclude(self):
@@ -319,7 +319,7 @@ class Tracer:
             count = outcome.rival_count(self)
             self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
 
-    def arrived(self):
+    def final_estimate(self):
         """(theta, {law: coefficient}) that the trace has come to."""
         fit = self.fits["after"]
         return fit.point.theta, fit.model.effects(fit.point)

@@ -51,7 +51,7 @@ def _effects(result):
     return _table("Effects", result.effects, columns, note)
 
 
-def _removed(row):
+def _removed_share(row):
     """Share of the power above the floor that is gone; of an error that was at the floor before none can be told."""
     is_measurable = row["floor"] and row["before"] > FLOOR_FACTOR * row["floor"] and row["excess_removed"] is not None
     return f"{100 * row['excess_removed']:.1f} %" if is_measurable else None
@@ -62,7 +62,7 @@ def _heldout(result):
         ("observable", "name"), ("unit", "unit"), ("floor", "floor"), ("before", "before"),
         ("95 %", lambda row: _interval(row["before_ci"])), ("after one law", "after_one_law"), ("after", "after"),
         ("95 %", lambda row: _interval(row["after_ci"])), ("fall, 95 %", lambda row: _interval(row["gain_ci"])),
-        ("removed", _removed),
+        ("removed", _removed_share),
     )  # fmt: skip
     chi2 = result.heldout_chi2
     note = (

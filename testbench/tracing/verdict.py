@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.tracing.fit.causes import MOST
-from testbench.tracing.fit.identify import unseen
+from testbench.tracing.fit.identify import unseen_directions
 from testbench.tracing.fit.rank import Projection
 from testbench.tracing.noise.statistics import LEAST_PULL_SHARE
 
@@ -44,14 +44,14 @@ class Evidence(NamedTuple):
     doubtful: str  # why the noise is not to be trusted; "" if it is
     chosen: bool = False  # by held-out data, where the set that fits best is refused: they cannot judge it too
     untried: int = 0  # sets as near as those of the class that were not refitted
-    imitated: float = 0.0  # `specificity.imitated` of sets of this many laws
+    imitated: float = 0.0  # `specificity.imitated_share` of sets of this many laws
     unsupported: str = ""  # of `unsupported_law`
     heldout_odds: float = np.inf  # ln odds of the set by held-out data alone
 
 
 def free_d(fit, identifiability):
     """{law: d} of a fit's laws when directions that only priors hold are free: small means confounded with those."""
-    n, loose = len(fit.point.theta), unseen(identifiability)
+    n, loose = len(fit.point.theta), unseen_directions(identifiability)
     out = {}
     for i, law in enumerate(fit.model.laws):
         columns = np.delete(fit.jacobian, n + i, axis=1)
@@ -64,7 +64,7 @@ def free_d(fit, identifiability):
     return out
 
 
-def strayed(fit):
+def nuisance_notes(fit):
     """Notes on nuisances that the data have moved by more than FAR of the deviations that noise and prior allow."""
     out, priors, pulls = [], fit.model.priors, np.abs(fit.model.prior_rows(fit.point))
     allowed = np.sqrt(np.maximum(1 - (fit.sd[priors] / fit.model.sd[priors]) ** 2, LEAST_PULL_SHARE**2))

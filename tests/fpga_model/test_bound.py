@@ -98,4 +98,4 @@ def test_functions_may_be_compiled_while_the_compiled_ones_are_compared(monkeypa
         return own(function)
 
     monkeypatch.setattr(bound, "_digest_function", slow)
-    assert bound.replaced() == []
+    assert bound.outdated_functions() == []

@@ -134,7 +134,7 @@ from fpga_model import bound, high, low
 low.tripled = numba.njit(lambda x: 5 * x)
 print(high.answer(2), sum(high.answer.stats.cache_hits.values()))
 low.tripled = numba.njit(lambda x: 6 * x)
-print(*bound.replaced())
+print(*bound.outdated_functions())
 """
 
 

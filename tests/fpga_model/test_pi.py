@@ -203,9 +203,9 @@ def test_gains_of_fewer_fraction_bits(fraction_bits, kp, ki):
     moved = [abs(n - Fraction(k, ONE)) > Fraction(abs(k), 20 * ONE) for n, k in zip(nearest, (kp, ki))]
     if any(moved):
         with pytest.raises(ValueError, match=rf"k[pi] = .* % off in {fraction_bits} fraction bits; the limit is 5 %"):
-            pi.narrowed(p, fraction_bits)
+            pi.round_gains(p, fraction_bits)
         return
-    found = pi.narrowed(p, fraction_bits)
+    found = pi.round_gains(p, fraction_bits)
     assert [Fraction(k, ONE) for k in (found.kp, found.ki)] == nearest
     assert (found.lo, found.hi) == (-5, 5)
     assert fraction_bits < 24 or found == p
@@ -250,7 +250,7 @@ def test_a_narrow_accumulator_changes_the_gain_of_small_errors_alone(ki):
 
 
 def test_prop_and_acc_of_fewer_fraction_bits_end_in_zeros():
-    p = pi.narrowed(pi.Params(3 << 20, 1 << 21, -(1 << 30), 1 << 30), 8)
+    p = pi.round_gains(pi.Params(3 << 20, 1 << 21, -(1 << 30), 1 << 30), 8)
     rows = drive(p, [(1, pi.RUN, e, 0) for e in (5, -7, 11, 100003)])
     assert all(value % (1 << 16) == 0 for value in rows[:, :2].ravel())
     assert np.any(rows[:, 1])

@@ -455,7 +455,7 @@ def imported(rng, corpus, folder):
         change = hostile.retyped if rng.random() < 0.5 else _flattened
         text = change(rng, source.read_text(), ",")
         path.write_bytes(hostile.damaged(rng, source.read_bytes()) if rng.random() < BYTES else text.encode())
-    return lambda: checks.check(assemble.imported([path], toml).record)
+    return lambda: checks.check(assemble.import_files([path], toml).record)
 
 
 def store(rng, corpus, folder):

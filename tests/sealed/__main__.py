@@ -17,7 +17,7 @@ import sys
 import time
 from pathlib import Path
 
-from testbench.console.markdown import ROOT, replaced
+from testbench.console.markdown import ROOT, replace_part
 from testbench.storage.files import write_text
 from tests.sealed import again, draw, ledger, score, sheet_size, strata
 from tests.sealed.bank import Bank, Space
@@ -132,7 +132,7 @@ def main(argv=None):
     if given.page:
         GOING.unlink(missing_ok=True)
         page = ROOT / "docs" / "sealed.md"
-        write_text(page, replaced(page.read_text(), "sealed", text))
+        write_text(page, replace_part(page.read_text(), "sealed", text))
     return int(whole and any(holds is False for *_, holds in score.criteria(rows)))
 
 

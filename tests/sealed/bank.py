@@ -108,7 +108,7 @@ class Bank:
             out.append(np.linalg.cholesky(c))
         return np.array(out)
 
-    def whitened(self, change):
+    def whiten_rows(self, change):
         """Stacked features of unit variance, repeats counted, of (conditions, features)."""
         rows = [solve_triangular(chol, v, lower=True) for chol, v in zip(self.chol, change)]
         return np.sqrt(self.strata.plan["repeats"]) * np.concatenate(rows)
@@ -129,7 +129,7 @@ class Bank:
                     # out of lock, or of a key's limits; motion without limit
                     size /= 8
                     continue
-                sigmas = max(np.linalg.norm(self.whitened(change)), 1e-3)
+                sigmas = max(np.linalg.norm(self.whiten_rows(change)), 1e-3)
                 if abs(np.log(WANTED / sigmas)) < nearest:
                     nearest = abs(np.log(WANTED / sigmas))
                     best = np.concatenate([change / size, np.full((1, self.count), size)])
@@ -158,7 +158,7 @@ class Bank:
 
         Then most of it is of the second order, or noise of another way to lock.
         """
-        a, b = self.whitened(one), self.whitened(other)
+        a, b = self.whiten_rows(one), self.whiten_rows(other)
         same = a @ b >= alike * np.linalg.norm(a) * np.linalg.norm(b)
         return (one + other) / 2 if same else np.full_like(one, np.nan)
 
@@ -191,7 +191,7 @@ class Space:
         sd = np.array([row[1] for row in bank.strata.priors.values()])
         columns = []
         for key in bank.strata.priors:
-            columns.append(bank.whitened(bank.nuisance(key).change))
+            columns.append(bank.whiten_rows(bank.nuisance(key).change))
         j = np.concatenate([np.stack(columns, axis=1), np.diag(1 / sd)])
         self.q, _ = np.linalg.qr(j / np.linalg.norm(j, axis=0))
         self.rest, self.size, self.same = {}, {}, {e.name: e.same for e in effects}
@@ -200,7 +200,7 @@ class Space:
             if say:
                 say(f"column {k + 1} of {len(effects)}: {effect.name}")
             if np.all(np.isfinite(change)):
-                white = np.concatenate([bank.whitened(change), np.zeros(len(sd))])
+                white = np.concatenate([bank.whiten_rows(change), np.zeros(len(sd))])
                 rest = white - self.q @ (self.q.T @ white)
                 if np.linalg.norm(rest) > SEEN * np.linalg.norm(white):
                     self.rest[effect.name], self.size[effect.name] = rest, float(np.linalg.norm(rest))

@@ -10,7 +10,7 @@ import math
 import re
 
 from testbench.config import Config
-from testbench.measured.closed_loop.loop_symmetries import tied
+from testbench.measured.closed_loop.loop_symmetries import active_symmetries
 from testbench.measured.wide import data_sheet
 from tests.sealed import strata
 from tests.sealed.draw import DELAY_SHARE
@@ -27,7 +27,7 @@ def offs(sealed, said):
     }
     rows = {n["name"]: n for n in said["nuisances"]}
     found = {}
-    symmetries = tied(list(tolerances)).values()
+    symmetries = active_symmetries(list(tolerances)).values()
     hidden = {key for s in symmetries for key in (s.dependent_key, *s.partners)}
     for p in data_sheet.parameters(cfg, tolerances):
         if p.key not in hidden:

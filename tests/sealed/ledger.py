@@ -31,7 +31,7 @@ SEALED, DEVELOPMENT = KINDS = ("sealed", "development")
 
 def identity(kind, strata):
     """{kind, hashes} of a run, its name, and the hash of what narrows wide priors, which the name does not have."""
-    reached = sources.reached(*TRACES)
+    reached = sources.reachable_modules(*TRACES)
     wide = [module for module in reached if module.startswith(WIDE)]
     own = {
         "kind": kind,

@@ -9,7 +9,7 @@ Source    docs/sealed.md
 import numpy as np
 
 from testbench.config import Config
-from testbench.measured.closed_loop.loop_symmetries import tied
+from testbench.measured.closed_loop.loop_symmetries import active_symmetries
 from testbench.measured.wide import data_sheet
 
 FIRST = 1e-3  # of a value: the step from which the size of a measured change is sought
@@ -18,7 +18,7 @@ FIRST = 1e-3  # of a value: the step from which the size of a measured change is
 def nuisances(bank):
     """[(change of the features per unit, sd)] of what the sheet leaves unknown of the default board."""
     wanted = data_sheet.parameters(Config(), data_sheet.read(data_sheet.BUNDLED_SHEET))
-    held, out = tied([p.key for p in wanted]), []
+    held, out = active_symmetries([p.key for p in wanted]), []
     for p in wanted:
         if p.key in held:
             continue
@@ -35,13 +35,13 @@ def nuisances(bank):
 def left(bank, effects):
     """{name: r per unit of its coefficient}, without effects that have no column."""
     columns, sd = zip(*nuisances(bank))
-    j = np.concatenate([np.stack([bank.whitened(c) for c in columns], axis=1), np.diag(1 / np.array(sd))])
+    j = np.concatenate([np.stack([bank.whiten_rows(c) for c in columns], axis=1), np.diag(1 / np.array(sd))])
     q, _ = np.linalg.qr(j / np.linalg.norm(j, axis=0))
     out = {}
     for effect in effects:
         change = bank.effect(effect).change
         if np.all(np.isfinite(change)):
-            white = np.concatenate([bank.whitened(change), np.zeros(len(sd))])
+            white = np.concatenate([bank.whiten_rows(change), np.zeros(len(sd))])
             out[effect.name] = white - q @ (q.T @ white)
     return out
 

@@ -46,7 +46,7 @@ class Reader:
 
     def __call__(self, path, wide):
         loaded = load_record.load(path)
-        assert not loaded.blocked
+        assert not loaded.is_blocked
         assert loaded.residual.decidable
         assert loaded.residual.first is None, "the firmware's words are those of its replay"
         self.seen.append(loaded.record.attrs["truth_sha256"])

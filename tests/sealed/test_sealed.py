@@ -10,7 +10,7 @@ import pytest
 
 from analog_frontend.effects import catalogue, law
 from testbench.config import Config
-from testbench.console.markdown import ROOT, replaced
+from testbench.console.markdown import ROOT, replace_part
 from testbench.errors import ConfigError, FileError
 from testbench.measured.wide import data_sheet
 from tests.sealed import bank, draw, effects, ledger, score, strata
@@ -55,7 +55,7 @@ def test_a_column_is_what_both_sides_of_zero_have_in_common(degrees, measured):
     """One side alone may be noise of another way to lock; an effect of the second order has opposite sides."""
     turned = np.deg2rad(degrees)
     one, other = np.array([[2.0, 0.0]]), 3 * np.array([[np.cos(turned), np.sin(turned)]])
-    found = bank.Bank._common(SimpleNamespace(whitened=np.ravel), one, other, bank.ALIKE)
+    found = bank.Bank._common(SimpleNamespace(whiten_rows=np.ravel), one, other, bank.ALIKE)
     assert found == pytest.approx((one + other) / 2 if measured else np.full((1, 2), np.nan), nan_ok=True)
 
 
@@ -170,7 +170,7 @@ def test_what_narrows_wide_priors_has_a_hash_of_its_own(monkeypatch):
     """An edit there leaves the records and the results of narrow priors as they are."""
     tables = strata.read()
     before = ledger.identity("sealed", tables)
-    modules = ledger.sources.reached(*ledger.TRACES)
+    modules = ledger.sources.reachable_modules(*ledger.TRACES)
     parts = {part: [m for m in modules if m.startswith(ledger.WIDE) == part] for part in (False, True)}
     assert "testbench.measured.wide.estimate" in parts[True]
     assert "testbench.measured.closed_loop.loop_trace" in parts[False]
@@ -308,7 +308,7 @@ def test_the_rates_of_the_page_are_those_of_a_whole_run_of_the_ledger():
         if [r.number for r in rows] == list(range(line["of"])):
             tables = strata.read()
             text = score.table(rows, wide, tables.wide["disguises"], tables.effect["d"][0])
-    assert replaced(page, "sealed", text) == page
+    assert replace_part(page, "sealed", text) == page
 
 
 def test_a_run_that_is_not_whole_is_kept_beside_the_one_that_is_published():

@@ -34,7 +34,7 @@ class Made:
     def effect(self, effect):
         return Unit(np.full(ROWS, np.nan) if effect.name == "lost" else effect.change, 1.0)
 
-    def whitened(self, change):
+    def whiten_rows(self, change):
         return change
 
 

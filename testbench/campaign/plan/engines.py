@@ -72,7 +72,7 @@ def parse_options(texts):
     return out
 
 
-def _installed():
+def _installed_engines():
     points = importlib.metadata.entry_points(group=ENTRY_POINTS)
     return {point.name: f"{point.module}:{point.attr}" for point in points}
 
@@ -86,7 +86,7 @@ def find(name, extra_engines, where):
         raise ConfigError(f"{where} = {name!r} is not the name of an engine")
     if name in ENGINES:
         return name
-    locations = extra_engines if name in extra_engines else _installed() | extra_engines
+    locations = extra_engines if name in extra_engines else _installed_engines() | extra_engines
     if name in locations:
         return locations[name]
     if ":" in name:
@@ -101,7 +101,7 @@ def find(name, extra_engines, where):
 
 def permit(engine, extra_engines, where):
     """ConfigError unless the engine that a point names is ours, of the option or installed."""
-    if engine not in ENGINES and engine not in extra_engines.values() and engine not in _installed().values():
+    if engine not in ENGINES and engine not in extra_engines.values() and engine not in _installed_engines().values():
         raise ConfigError(f"{where}: was made by the engine {engine!r}; --engine NAME={engine} runs it")
 
 

@@ -92,7 +92,7 @@ class _Identity:
     code: str
 
 
-def parsed(identity):
+def parse_identity(identity):
     """Identity as an object; FileError for what is none of this version's."""
     data = inputs.parse_json(identity, "point")
     if data.get("schema") != SCHEMA:
@@ -119,7 +119,7 @@ def state_path(data, states):
 
 def read_task(identity, states):
     """`Task` of an identity; `states` is the folder of state files by hash."""
-    data = parsed(identity)
+    data = parse_identity(identity)
     tree, keep = data.config, data.keep
     if state := state_path(data, states):
         tree["scenario"]["resume"] = str(state)

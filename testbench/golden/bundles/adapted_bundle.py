@@ -15,7 +15,7 @@ from pathlib import Path
 from testbench.errors import ConfigError, FileError
 from testbench.golden.bundles import bundle, design_bundle
 from testbench.golden.foreign import adapter, comparison_scope, design_map
-from testbench.storage.files import replacing_folder
+from testbench.storage.files import replace_folder
 
 COPIED_FILES = ("params.vh", "params.svh", "params_pkg.vhd", "Makefile", "run_vunit.py")
 
@@ -108,7 +108,7 @@ def write_adapted_bundle(folder, map_path, level, out, latency_path=None):
     manifest_entries |= {"level": level, "first_row": scope.first, "clocks": scope.clocks,
              "of_bundle": golden.manifest["manifest_sha256"]}  # fmt: skip
     texts["manifest.json"] = bundle.canonical(manifest_entries) + "\n"
-    with replacing_folder(out) as new:
+    with replace_folder(out) as new:
         for name, text in texts.items():
             (new / name).parent.mkdir(exist_ok=True)
             (new / name).write_text(text)

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import FileError
-from testbench.storage.files import replacing_folder
+from testbench.storage.files import replace_folder
 from testbench.storage.inputs import file_sha256, read_json, read_text, validate_data
 
 SCHEMA = "gyro-golden/1.0"
@@ -147,7 +147,7 @@ def vectors_sha256(manifest):
     return hashlib.sha256(canonical(vectors).encode()).hexdigest()
 
 
-def sealed(manifest, files):
+def seal_manifest(manifest, files):
     """The whole manifest of files: {path: text or bytes}."""
     raw = {name: files[name] if isinstance(files[name], bytes) else files[name].encode() for name in sorted(files)}
     full = {**manifest, "sha256": {name: hashlib.sha256(data).hexdigest() for name, data in raw.items()}}
@@ -168,7 +168,7 @@ def _fill(part, manifest, files, trees, provenance_entries):
     for write_tree in trees:
         write_tree(part)
     written = {path.relative_to(part).as_posix(): path.read_bytes() for path in part.rglob("*") if path.is_file()}
-    full = sealed(manifest, written)
+    full = seal_manifest(manifest, written)
     if provenance_entries is not None:
         full["provenance"] = {**full["provenance"], **provenance_entries(full)}
     (part / MANIFEST).write_bytes(manifest_text(full).encode())
@@ -183,7 +183,7 @@ def write(folder, manifest, files, trees=(), provenance_entries=None):
     trees               functions of the new folder that write further files into it
     provenance_entries  function of the sealed manifest: entries that its provenance gets besides
     """
-    with replacing_folder(folder, MANIFEST) as part:
+    with replace_folder(folder, MANIFEST) as part:
         return _fill(part, manifest, files, trees, provenance_entries)
 
 

@@ -285,7 +285,7 @@ def _pin_bundle_texts(r, reference, at, stim, reported_rows):
     files, counts = _files(r, reference, at, stim, reported_rows)
     manifest = _replay_manifest(reference.design, r, at, counts, reference.clocks)
     del manifest["provenance"]
-    return files | {bundle.MANIFEST: bundle.manifest_text(bundle.sealed(manifest, files))}
+    return files | {bundle.MANIFEST: bundle.manifest_text(bundle.seal_manifest(manifest, files))}
 
 
 def _files(r, reference, at, stim, reported_rows):
@@ -376,7 +376,7 @@ def window(folder, clock, count, out=None):
     manifest = bundle.verify(folder)
     if manifest["schema"] != bundle.REPLAY_SCHEMA:
         raise ConfigError(f"{folder}: has every clock of {manifest['block']} already")
-    r = _shipped(folder, manifest) if "design" not in manifest else read_recording(folder, manifest)
+    r = _load_case(folder, manifest) if "design" not in manifest else read_recording(folder, manifest)
     end = manifest["frames"] * manifest["frame_cycles"]
     if not 1 <= count <= MAX_WINDOW:
         raise ConfigError(f"--count: {count} is outside 1 .. {MAX_WINDOW} clocks")
@@ -398,7 +398,7 @@ def _window_folder(folder, clock):
     return folder.with_name(f"{folder.name}_{clock}")
 
 
-def _shipped(folder, manifest):
+def _load_case(folder, manifest):
     """The recording of this version that a bundle is of; FileError if it is of another."""
     if manifest["case"] not in CASES:
         raise FileError(f"{folder}: case {manifest['case']!r} is not one of {', '.join(CASES)}")

@@ -16,7 +16,7 @@ from testbench.golden.coverage import coverage_evidence
 from testbench.golden.ranges import range_report
 from testbench.golden.stimulus import blocks, stimulus
 from testbench.storage import vcd
-from testbench.storage.files import atomic_outputs, replacing_folder
+from testbench.storage.files import atomic_outputs, replace_folder
 from testbench.version import VERSION
 
 
@@ -135,7 +135,7 @@ def export(name, out, progress=None, config=None, frames=design_bundle.BOARD_FRA
     results, todo = [], [(block, case) for block in selection for case in block.cases]
     with atomic_outputs(), contextlib.ExitStack() as stack:
         # all at the begin, so that a folder that another process writes is refused before hours are spent
-        new = {b.stem: stack.enter_context(replacing_folder(Path(out) / b.stem, keep=True)) for b in selection}
+        new = {b.stem: stack.enter_context(replace_folder(Path(out) / b.stem, keep=True)) for b in selection}
         for n, (block, case) in enumerate(todo):
             if progress is not None:
                 progress(f"{block.stem}/{case}", n, len(todo))

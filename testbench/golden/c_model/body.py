@@ -35,7 +35,7 @@ class Body(Expressions):
         stored = [part for part in ast.walk(tree) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)]
         self.local = {part.id for part in stored}
 
-    def _returned(self, kind):
+    def _add_result(self, kind):
         if self.results and self.results[0] != kind:
             raise Unsupported(f"{self.tree.name}: returns of two kinds")
         self.results.append(kind)
@@ -60,7 +60,7 @@ class Body(Expressions):
                 raise Unsupported(ast.unparse(statement))
         return False
 
-    def _nested(self, statements):
+    def _write_block(self, statements):
         """A block of its own: what it declares ends with it."""
         declared, env = set(self.declared), dict(self.env)
         self.depth += 1
@@ -75,7 +75,7 @@ class Body(Expressions):
         if isinstance(test, bool):
             return self.write_statements(statement.body if test else statement.orelse)
         self.line(f"if ({bare(test)}) {{")
-        ended = self._nested(statement.body)
+        ended = self._write_block(statement.body)
         return self._otherwise(statement.orelse) and ended
 
     def _otherwise(self, statements):
@@ -88,19 +88,19 @@ class Body(Expressions):
                 del self.lines[before:]
                 break
             self.line(f"}} else if ({bare(test)}) {{")
-            ended &= self._nested(statements[0].body)
+            ended &= self._write_block(statements[0].body)
             statements = statements[0].orelse
         if not statements:
             self.line("}")
             return False
         self.line("} else {")
-        ended &= self._nested(statements)
+        ended &= self._write_block(statements)
         self.line("}")
         return ended
 
     def _return(self, node):
         kind = self.kind(node)
-        self._returned(kind)
+        self._add_result(kind)
         if isinstance(kind, StaticValue):
             return
         if aggregate(kind):

@@ -19,7 +19,7 @@ from testbench.golden.bundles import design_entry
 from testbench.golden.c_model import dpi, flat_ports
 from testbench.golden.c_model.c_kinds import NUMBER, infer_kind
 from testbench.golden.recording import recording
-from testbench.storage.files import replacing_folder
+from testbench.storage.files import replace_folder
 
 TEMPLATES = Path(__file__).with_name("templates")
 GOLDEN = "golden"
@@ -79,7 +79,7 @@ def export(folder, config=None, fill=None):
     for path in sorted(folder.glob("*/*.[ch]")):
         if path.relative_to(folder).as_posix() not in files:
             raise ConfigError(f"{path} is not of this model: make would compile it; move it, or name another folder")
-    with replacing_folder(folder, keep=True) as new:
+    with replace_folder(folder, keep=True) as new:
         for name, text in files.items():
             (new / name).parent.mkdir(exist_ok=True)
             (new / name).write_text(text)

@@ -92,7 +92,7 @@ def translate_firmware(params):
 # ---- text ------------------------------------------------------------------------------------------------------------
 
 
-def _unpacked(name, kind, row, first):
+def _unpack_argument(name, kind, row, first):
     """(lines that copy a part of a row into a struct, text of the argument)."""
     if kind == NUMBER:
         return [], f"{row}[{first}]"
@@ -112,7 +112,7 @@ def _arguments(c_block, names):
             row, at = "inputs", first
             first += number_count(kind)
         if name in names:
-            more, texts[name] = _unpacked(name, kind, row, at)
+            more, texts[name] = _unpack_argument(name, kind, row, at)
             lines += more
     return lines, [texts[name] for name in names if name in texts]
 

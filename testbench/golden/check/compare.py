@@ -309,7 +309,7 @@ def compare_bundle(golden, got, before=BEFORE, scope=None):
     )
 
 
-def _driven(golden, logged):
+def _input_column(golden, logged):
     """Column of an input: what the design was given, where its log says so."""
     return golden if logged is None else np.where(logged.valid[: len(golden)], logged.values[: len(golden)], golden)
 
@@ -325,7 +325,8 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
         # a column has the register's values where an input has its name
         inputs={
-            name: _driven(column[:n], None if name in names else logged.get(name)) for name, column in inputs.items()
+            name: _input_column(column[:n], None if name in names else logged.get(name))
+            for name, column in inputs.items()
         },
         expected={name: golden[name][:n] for name in names},
         got={name: logged[name].values[:n] for name in logged_names},

@@ -42,7 +42,7 @@ def read_names(path):
 
 def main(path):
     """Print the changes of the signals that the command line names, or all names with their bits if it has none."""
-    with inputs.parsing(path, "FST file"):
+    with inputs.explain_damage(path, "FST file"):
         content = read_changes(path, sys.argv[2:]) if sys.argv[2:] else read_names(path)
     json.dump(content, sys.stdout)
 

@@ -165,14 +165,14 @@ def _range(r):
     return max(0, (start - stop if down else stop - start) + 1)
 
 
-def _bounded(r, kind):
+def _read_bounds(r, kind):
     """The type with the bounds that follow in the file: its own ranges, then those of open elements."""
     if isinstance(kind, Array):
         ranges = tuple(_range(r) for _ in range(kind.dimensions))
         return sized_array(
-            _bounded(r, kind.element) if _is_open(kind.element) else kind.element, kind.dimensions, ranges
+            _read_bounds(r, kind.element) if _is_open(kind.element) else kind.element, kind.dimensions, ranges
         )
-    return sized_record(tuple((name, _bounded(r, part) if _is_open(part) else part) for name, part in kind.fields))
+    return sized_record(tuple((name, _read_bounds(r, part) if _is_open(part) else part) for name, part in kind.fields))
 
 
 def _read_type(r, types):
@@ -216,7 +216,7 @@ def _types(r, strings):
         elif kind in (SUB_ARRAY, SUB_RECORD):
             base = earlier()
             r.require(not isinstance(base, Scalar), f"type {name} has no elements")
-            out.append(_bounded(r, base) if _is_open(base) else base)
+            out.append(_read_bounds(r, base) if _is_open(base) else base)
         elif kind in (SUB_OPEN_ARRAY, SUB_OPEN_RECORD):
             out.append(earlier())
         else:
@@ -399,16 +399,16 @@ def read(path, choose):
             r.unsigned_number()
         signals, stored = _hierarchy(r, strings, types)
     except (IndexError, struct.error, ValueError, RecursionError, TypeError) as problem:
-        raise _damaged(path, r, problem) from None
+        raise _damage_error(path, r, problem) from None
     widths = {name: scalar.width if scalar.width != 1 else len(numbers) for name, (scalar, numbers) in signals.items()}
     paths = choose(widths)
     try:
         columns = _columns(r, signals, stored, paths)
     except (IndexError, struct.error, ValueError, TypeError) as problem:
-        raise _damaged(path, r, problem) from None
+        raise _damage_error(path, r, problem) from None
     return {name: (*columns[name], widths[name]) for name in paths}
 
 
-def _damaged(path, r, problem):
+def _damage_error(path, r, problem):
     why = "the file ends early" if isinstance(problem, IndexError | struct.error) else str(problem)
     return FileError(f"{path}: damaged or not of GHDL 2: {why} (byte {r.at})")

@@ -11,7 +11,7 @@ from testbench.errors import FileError
 SLICE = re.compile(r"^(.*?)\s*\[(\d{1,6})(?::(\d{1,6}))?\]$")
 
 
-def _spelled(name):
+def _plain_path(name):
     """A path without what only some tools write: the backslash of an escaped name, a dot before an index."""
     return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
 
@@ -20,7 +20,7 @@ def index_signals(pairs):
     """{path: signal} of (path, signal); None where two signals have one path."""
     signal_index = {}
     for name, signal in pairs:
-        name = _spelled(name)
+        name = _plain_path(name)
         signal_index[name] = signal if signal_index.get(name, signal) == signal else None
     return signal_index
 
@@ -30,7 +30,7 @@ def find_signal(path, signal_index, where):
 
     Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
     """
-    spelled = _spelled(path)
+    spelled = _plain_path(path)
     head, _, shorter_path = spelled.partition(".")
     ways = [spelled, f"TOP.{spelled}"]
     if shorter_path and not any(name.startswith(f"{head}.") for name in signal_index):

@@ -86,7 +86,7 @@ def prefixed_manifest(manifest):
     return {**manifest, "registers": registers, "schema": compare.SCHEMA}
 
 
-def _logged(golden, text):
+def _logged_columns(golden, text):
     """{port: Column} of a design: golden values, and in their place those that its bench names."""
     manifest, first = golden.manifest, int(golden.at[0])
     ports = {p["name"]: p for p in manifest["inputs"]} | dict(levels.compared_ports(manifest, "registers"))
@@ -155,7 +155,7 @@ def _compare_window(text, run, bench, sim, rtl, files, level, manifest):
         r, window, at, "design" in manifest, design_bundle.bundle_level(manifest), clock_window.count, more, clocks
     )
     golden = bundle.read(window)
-    got = _logged(golden, _run_check_script(run, window, sim, rtl, files, level, ("FRAMES=0",)))
+    got = _logged_columns(golden, _run_check_script(run, window, sim, rtl, files, level, ("FRAMES=0",)))
     window_manifest, exp = golden.manifest, golden.exp
     if not window_manifest["registers"] and not clocks:
         # a diagnosis of the pins needs the registers of the model

@@ -227,7 +227,7 @@ def _from_dump(path, reader, signals, fmts):
 
 
 def _from_csv(path, signals, fmts):
-    with inputs.parsing(path, "CSV file"):
+    with inputs.explain_damage(path, "CSV file"):
         rows = list(csv.reader(line for _, line in inputs.read_lines(path)))
     if len(rows) < 2:
         raise FileError(f"{path}: a header and at least one row are needed")

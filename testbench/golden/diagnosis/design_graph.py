@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from fpga_model import block as registry
 from fpga_model import sine, top, wiring
-from fpga_model.block import filled, leaves, port_name
+from fpga_model.block import fill_shape, leaves, port_name
 from fpga_model.fixed import formats
 from testbench.golden.diagnosis.elaborate import Elaborator
 from testbench.golden.diagnosis.net import Net
@@ -54,7 +54,7 @@ class _Wiring(Elaborator):
         path = self._paths_by_id.get(id(arguments.get("s")))
         if path is None:
             return super().call(function, args, kwargs, names)
-        after = filled(arguments["s"], lambda node: self.net.node("in", (), f"next {node.value}"))
+        after = fill_shape(arguments["s"], lambda node: self.net.node("in", (), f"next {node.value}"))
         self.steps[path] = module, arguments, after
         return after
 
@@ -101,7 +101,7 @@ def wire_design(params):
     net, d = Net(), params.design
     shape = formats(top.State, d, top.reset(d))
     name_formats = iter([(report_name(name), fmt) for name, fmt in leaves(shape)])
-    state = filled(shape, lambda _: net.leaf("in", *next(name_formats)))
+    state = fill_shape(shape, lambda _: net.leaf("in", *next(name_formats)))
     inputs = top.Inputs(*(net.leaf("in", *port) for port in zip(top.Inputs._fields, top.INPUTS_FMT)))
     work = _Wiring(net, state)
     for name, fmt in leaves(shape):

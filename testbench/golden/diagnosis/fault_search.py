@@ -16,7 +16,7 @@ import numpy as np
 
 from fpga_model.block import BIT
 from testbench.golden.diagnosis import condition_hypotheses, perturb, value_hypotheses
-from testbench.golden.diagnosis.net import wrapped
+from testbench.golden.diagnosis.net import wrap_column
 from testbench.golden.diagnosis.node_rows import Rows
 from testbench.golden.diagnosis.perturb import Hypothesis
 
@@ -45,7 +45,7 @@ class Target(NamedTuple):
 
     def wrap_to_width(self, column):
         """A column as a port of this width holds it."""
-        return wrapped(column, self.fmt.width, bool(self.fmt.s))
+        return wrap_column(column, self.fmt.width, bool(self.fmt.s))
 
 
 class Fit(NamedTuple):
@@ -106,7 +106,7 @@ class Search:
         for node in self.net.cone_nodes(root):
             if node.op == "reg" and node.value in care:
                 compared_rows &= care[node.value] & self._usual[node.value]
-        sound = wrapped(self.rows.node_column(root), fmt.width, bool(fmt.s))
+        sound = wrap_column(self.rows.node_column(root), fmt.width, bool(fmt.s))
         return Target(name, root, fmt, got, compared_rows, sound, compared_rows & (got != sound))
 
     @functools.cached_property

@@ -45,7 +45,7 @@ def _rounding_function(rule):
     return round_column
 
 
-def wrapped(x, width, signed):
+def wrap_column(x, width, signed):
     """Column modulo 2**width, read as two's complement if `signed`."""
     width = np.clip(width, 1, MOST_SHIFT)
     mask = (np.int64(1) << width) - 1
@@ -91,8 +91,8 @@ OPERATIONS = {
     "lor": (lambda a, b: np.where(a != 0, a, b), "({0} or {1})"),
     "mux": (lambda c, a, b: np.where(c != 0, a, b), "({1} if {0} else {2})"),
     "clamp": (lambda x, lo, hi: np.where(x < lo, lo, np.where(x > hi, hi, x)), "clamp({0}, {1}, {2})"),
-    "wrap": (lambda x, w: wrapped(x, w, True), "wrap({0}, {1})"),
-    "wrapu": (lambda x, w: wrapped(x, w, False), "wrapu({0}, {1})"),
+    "wrap": (lambda x, w: wrap_column(x, w, True), "wrap({0}, {1})"),
+    "wrapu": (lambda x, w: wrap_column(x, w, False), "wrapu({0}, {1})"),
     **{rule: (_rounding_function(rule), f"{rule}({{0}}, {AMOUNT})") for rule in ROUNDINGS},
     "next": (lambda x: x, "{0}"),
     "pin": (lambda x: x, "{0}"),

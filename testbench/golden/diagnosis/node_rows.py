@@ -16,7 +16,7 @@ from testbench.golden.diagnosis.net import OPERATIONS, permute_bits
 TIMED = ("held", "ahead", "odd")
 
 
-def applied(node, args):
+def apply_node(node, args):
     """Column of a node from the columns of its arguments; not for leaves and held nodes."""
     if node.op == "table":
         words = np.array(node.value, np.int64)
@@ -73,7 +73,7 @@ class Rows:
             return _odd(*args)
         if node.op == "ahead":
             return np.append(args[0][1:], args[0][-1:])
-        return _register_column(*args, node.value) if node.op == "held" else applied(node, args)
+        return _register_column(*args, node.value) if node.op == "held" else apply_node(node, args)
 
     @staticmethod
     def _constant_value(node):
@@ -88,7 +88,7 @@ class Rows:
             return np.int64(self._constant_value(node))
         if node.id < self.net.model_size or node.op in TIMED or not node.args:
             return self.node_column(node)[at]
-        return applied(node, [self.row_values(a, at) for a in node.args])
+        return apply_node(node, [self.row_values(a, at) for a in node.args])
 
     def faulty_values(self, root, faults, at):
         """Values of `root` at the rows `at` with `by` in the place of `site` for each (site, by)."""
@@ -104,7 +104,7 @@ class Rows:
                 return self.row_values(node, at)
             key = node.id, live
             if key not in cache:
-                cache[key] = applied(node, [value(a, live) for a in node.args])
+                cache[key] = apply_node(node, [value(a, live) for a in node.args])
             return cache[key]
 
         return value(root, tuple(range(len(faults)))) + np.zeros(

@@ -12,7 +12,7 @@ import collections
 import numpy as np
 
 from testbench.golden.diagnosis import condition_hypotheses, simulate_faults
-from testbench.golden.diagnosis.net import wrapped
+from testbench.golden.diagnosis.net import wrap_column
 from testbench.golden.diagnosis.node_rows import Rows
 from testbench.golden.diagnosis.perturb import Hypothesis, node_hypotheses, with_argument
 from testbench.golden.diagnosis.perturb_control import is_reset_choice
@@ -93,7 +93,7 @@ class PartialObservation:
             root, fmt = self.net.roots[name], self.net.fmts[name]
             if not root.cone >> node.id & 1:
                 continue
-            value = wrapped(self.rows.faulty_values(root, ((node, by),), firsts), fmt.width, bool(fmt.s))
+            value = wrap_column(self.rows.faulty_values(root, ((node, by),), firsts), fmt.width, bool(fmt.s))
             rows = np.minimum(firsts + (root.op == "next"), self.count - 1)
             consistent &= (
                 (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (firsts == 0))
@@ -111,7 +111,9 @@ class PartialObservation:
         for name in self.visible:
             root, fmt = self.net.roots[name], self.net.fmts[name]
             column = (
-                leaves["reg", name] if root.op == "next" else wrapped(rows.node_column(root), fmt.width, bool(fmt.s))
+                leaves["reg", name]
+                if root.op == "next"
+                else wrap_column(rows.node_column(root), fmt.width, bool(fmt.s))
             )
             if np.any(self.care[name] & (column != self.got[name])):
                 return None

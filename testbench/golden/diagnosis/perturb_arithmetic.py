@@ -119,7 +119,7 @@ def _one_saturated(net, node, lo, hi):
         yield "saturate", f"{chosen.args[k]!r} at {lo!r} and {hi!r}", by, 0
 
 
-def _saturated(net, total, fmt):
+def _saturated_loads(net, total, fmt):
     """A sum that is loaded: it saturates at the limits of its register."""
     if total.op in ("add", "sub", "neg") and 1 < fmt.width <= 61:
         limits = net.const(fmt.lo), net.const(fmt.hi)
@@ -253,12 +253,12 @@ def arithmetic_operands(net, node, k, child, value_range):
         yield "gain", f"{child!r} x 2", net.node("shl", (child, net.const(1))), cost
         yield "gain", f"{child!r} / 2", net.node("shr", (child, net.const(1))), cost
     if (node.id, k) in net.loads:
-        yield from _saturated(net, child, net.fmts[net.loads[node.id, k]])
+        yield from _saturated_loads(net, child, net.fmts[net.loads[node.id, k]])
         for step in (1, -1):
             yield "constant", f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1
         yield "complement", f"~({child!r})", net.node("inv", (child,)), 2
     if child.op in NARROWED or (child.op in ("reg", "in", "param") and node.op in CUT):
-        yield from _narrowed(net, child, value_range)
+        yield from _width_changes(net, child, value_range)
     elif (node.id, k) in net.loads and net.fmts[net.loads[node.id, k]].width > 2:
         yield from _narrower_loads(net, child, net.fmts[net.loads[node.id, k]])
     if any(user.op == "sub" and argument == 1 for user, argument in net.users.get(child.id, ())):
@@ -299,7 +299,7 @@ WORDS = (8, 12, 16, 24, 32, 48)  # widths of words elsewhere
 MOST_LOW = 4  # bits that an operand may lack below
 
 
-def _narrowed(net, child, value_range):
+def _width_changes(net, child, value_range):
     """Fewer bits than the values need: some on top, those beyond a usual word, or some below."""
     lowest, highest = value_range(child)
     need, signed = range_width(lowest, highest), lowest < 0

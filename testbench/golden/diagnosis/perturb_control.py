@@ -273,7 +273,7 @@ def load_alternatives(net, node, loaded, name):
     loaded_values = branches(loaded)
     for value in dict.fromkeys((*loaded_values, *cleared)) if register in loaded_values else ():
         if value is not register:
-            yield "condition", f"{value!r} also where {name} is held", _filled(net, loaded, register, value), 1
+            yield "condition", f"{value!r} also where {name} is held", _fill_branches(net, loaded, register, value), 1
 
 
 def loadable_values(net, name):
@@ -282,10 +282,12 @@ def loadable_values(net, name):
     return tuple(dict.fromkeys(branches(root.args[2] if is_reset_choice(root) else root)))
 
 
-def _filled(net, node, register, value):
+def _fill_branches(net, node, register, value):
     if node.op != "mux":
         return value if node is register else node
-    return net.node("mux", (node.args[0], *(_filled(net, way, register, value) for way in node.args[1:])), node.value)
+    return net.node(
+        "mux", (node.args[0], *(_fill_branches(net, way, register, value) for way in node.args[1:])), node.value
+    )
 
 
 def channel_variants(net, node, k, child):

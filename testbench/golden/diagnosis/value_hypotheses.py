@@ -65,9 +65,9 @@ def _load_replacements(net, target, node, loaded):
                     yield Hypothesis(cause, f"{value!r} in the place of {child!r}", node, by, FAR)
 
 
-def _renumbered(net, node, old, new):
+def _replace_branches(net, node, old, new):
     """A choice with another number in the place of one, in all of its branches."""
-    ways = [new if a is old else _renumbered(net, a, old, new) if a.op == "mux" else a for a in node.args[1:]]
+    ways = [new if a is old else _replace_branches(net, a, old, new) if a.op == "mux" else a for a in node.args[1:]]
     return net.node("mux", (node.args[0], *ways), node.value)
 
 
@@ -82,7 +82,7 @@ def _node_hypotheses(net, rows, target, node, wrong, pattern):
         if len(reset_values) == 1:
             value = net.const(reset_values[0])
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(net, node, 1, value), 0)
-            everywhere = _renumbered(net, node, node.args[1], value)
+            everywhere = _replace_branches(net, node, node.args[1], value)
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r} wherever it is cleared", node, everywhere, 0)
     for k, child in enumerate(node.args):
         if net.loads.get((node.id, k)) == target.name and len(pattern) == 1 and _is_plain(pattern[0], target.fmt.width):

@@ -376,7 +376,7 @@ class Design:
         self._library.gyro_read(self.handle, row.ctypes.data)
         return row
 
-    def differing(self, expected, got):
+    def signal_differences(self, expected, got):
         """Places in which two rows differ, as `gyro_differs` judges them."""
         unread = {k for k, (select_n, running) in self._data.items() if got[select_n] or not got[running]}
         return [k for k in self.signal_indices if expected[k] != got[k] and k not in unread]

@@ -162,7 +162,7 @@ class Loop(Simulation):
 
     def _stop(self, row, converter):
         expected, got = self.rtl.rows[row % lockstep.BUFFER_ROWS], self.library.read()
-        differing_signals = self.library.differing(expected, got)
+        differing_signals = self.library.signal_differences(expected, got)
         wrong = [(library.NAMES[k], int(expected[k]), int(got[k])) for k in differing_signals]
         first = max(0, row - lockstep.BUFFER_ROWS + 1)
         before = np.stack([self.rtl.rows[n % lockstep.BUFFER_ROWS] for n in range(first, row + 1)])
@@ -182,7 +182,7 @@ class Loop(Simulation):
         values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
         row = s.tick * self.design.tick_clocks
         self.rtl.rows[row % lockstep.BUFFER_ROWS] = values
-        if self.library.differing(values, self.library.read()):
+        if self.library.signal_differences(values, self.library.read()):
             self._stop(row, s.chips.adc)
         self.rtl.comparison_state[3] += 1
 

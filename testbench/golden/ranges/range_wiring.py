@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from fpga_model import control, sine, top
 from fpga_model import wiring as wires
-from fpga_model.block import block_modules, filled, leaves, port_name
+from fpga_model.block import block_modules, fill_shape, leaves, port_name
 from fpga_model.fixed import MAX_WIDTH
 from testbench.config import Config
 from testbench.golden.ranges import ranges
@@ -75,7 +75,7 @@ class _Check:
             one = next(registers)
             return self.path.new(*(one.proven or (one.fmt.lo, one.fmt.hi)), key=("register", name, one.name))
 
-        return filled(reset, proven_register)
+        return fill_shape(reset, proven_register)
 
     def arrives(self, func, path, positional, keywords):
         """A block's step: note what it gets, return its registers as they were proven."""

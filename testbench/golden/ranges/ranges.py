@@ -17,7 +17,7 @@ from bisect import bisect_left, bisect_right
 from functools import lru_cache
 from typing import NamedTuple
 
-from fpga_model.block import block_modules, filled, leaves, port_name, structure
+from fpga_model.block import block_modules, fill_shape, leaves, port_name, structure
 from fpga_model.fixed import MAX_WIDTH
 from testbench.golden.ranges.interpreter import OPERATIONS, Interpreter, source_of_text
 from testbench.golden.ranges.intervals import Lin, Path, Run
@@ -132,7 +132,7 @@ class Edge:
             if not path.assume(_total(path, values, sums), lo, hi):
                 return None
         register_values = iter([path.value(x) for x in values])
-        return filled(self.block.state, lambda _: next(register_values))
+        return fill_shape(self.block.state, lambda _: next(register_values))
 
     def _track_store(self, name, index, value, path):
         if name == "_pins":

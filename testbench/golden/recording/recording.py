@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpga_model import top
-from fpga_model.block import filled, flattened_parameters, parameter_defaults, port_name, raws, required_parameters
+from fpga_model.block import fill_shape, flattened_parameters, parameter_defaults, port_name, raws, required_parameters
 from fpga_model.design_record import DEFAULT
 from fpga_model.digital_sid import SAMPLE
 from fpga_model.fixed import formats
@@ -77,7 +77,7 @@ def params_from(path, names, raw, design=DEFAULT):
         strange = sorted(raw_by_name.keys() ^ set(expected_names)) or expected_names[:1]
         raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
     values = iter(raws(top.PARAMS_FMT, raw_by_name))
-    return filled(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
+    return fill_shape(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
 
 
 def param_names():

@@ -13,7 +13,7 @@ Source  docs/golden.md (the whole design)
 import numpy as np
 
 from fpga_model import registers, sequencer
-from fpga_model.block import filled
+from fpga_model.block import fill_shape
 from fpga_model.fault_monitor import CODE
 from testbench.golden.recording import replay_recording
 from testbench.golden.recording.recording import Recording
@@ -69,7 +69,7 @@ def case(story):
     """Recording of the case `registers`, from that of the story."""
     p = story.params
     q = in_single_frames(p.control.sequencer)
-    faults = filled(q.faults, lambda _: 1)._replace(top=q.faults.top)
+    faults = fill_shape(q.faults, lambda _: 1)._replace(top=q.faults.top)
     p = p._replace(control=p.control._replace(sequencer=q._replace(timeout=3, faults=faults)))
     frame_clocks = p.design.frame_clocks
     frames, count = script()

@@ -17,7 +17,7 @@ import numpy as np
 
 from fpga_model import block as registry
 from fpga_model import top, wiring
-from fpga_model.block import BIT, block_modules, design_value, filled, leaves, port_name
+from fpga_model.block import BIT, block_modules, design_value, fill_shape, leaves, port_name
 from fpga_model.design_record import DEFAULT, Design
 from fpga_model.fixed import Fmt, formats
 
@@ -110,7 +110,7 @@ def register_rule(rules, name):
 
 def _hints(module, design):
     """Hints of the range proofs, with those of the blocks within."""
-    inherited_blocks = registry.inherited(module, lambda b: b)
+    inherited_blocks = registry.values_by_prefix(module, lambda b: b)
     return {
         "split": tuple(prefix + name for prefix, b in inherited_blocks.items() for name in b.split),
         "relations": tuple(
@@ -182,7 +182,7 @@ def step_arguments(block, params, values):
     """Arguments of `step` but for s, from the flat values of its inputs; structure and parameters first, if any."""
     structure, shapes = _step_structure(block.stem, block.record)
     value = iter(values)
-    inputs = [filled(shape, lambda _: next(value)) for shape in shapes]
+    inputs = [fill_shape(shape, lambda _: next(value)) for shape in shapes]
     return [*structure, *inputs] if block.runtime_params or params is None else [*structure, params, *inputs]
 
 

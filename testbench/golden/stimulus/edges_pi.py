@@ -255,7 +255,7 @@ def carries(loop):
                         loop.operate(pi.HOLD, 0, 0)
 
 
-def everything(loop):
+def run_edges(loop):
     for part in (presets_at_the_limits, acc_at_the_limits, rounding, carries, y_at_the_limits, comparators):
         part(loop)
 
@@ -270,7 +270,7 @@ def edges_pi(w):
     def operate(mode, e, preset):
         w.append_row({"en": 1, "mode": mode, "e": e, "preset": preset})
 
-    everything(Loop(p, pi.ERR, pi.OUT, operate))
+    run_edges(Loop(p, pi.ERR, pi.OUT, operate))
     for limit in (p.lo, p.hi):
         w.append_row({"en": 1, "mode": pi.OFF, "preset": limit})
         for e in (0, 1, -1, pi.ERR.hi, pi.ERR.lo, 1, -1):
@@ -303,7 +303,7 @@ def edges_loop(w):
         w.append_row({"en_pi": 1, "mode": mode, **({} if fixed else {"preset": value})})
 
     p = w.block.cases[w.case].loop
-    everything(Loop(p, ERRORS[stem], None if fixed else preset, operate))
+    run_edges(Loop(p, ERRORS[stem], None if fixed else preset, operate))
     w.append_row(times=3)
     if fixed:
         # the word at all ones, at 0, and one LSB beyond each end

@@ -209,7 +209,7 @@ def _amplitudes(walk):
                     walk.run(1, **between)
 
 
-def _covering(kinds_by_key):
+def _covering_keys(kinds_by_key):
     """Keys, largest first, whose sets together hold all that the sets of {key: set} hold."""
     while kinds_by_key:
         key = max(kinds_by_key, key=lambda k: (len(kinds_by_key[k]), k))
@@ -227,7 +227,7 @@ def _magnitudes(walk):
             for what, is_accepted in (("size", size ^ bit >= limit), ("limit", size >= limit ^ bit)):
                 if is_accepted != (size >= limit):
                     kinds_by_magnitude.setdefault(size, set()).add((what, bit, size & bit > 0))
-    for size in _covering(kinds_by_magnitude):
+    for size in _covering_keys(kinds_by_magnitude):
         if walk.again(sequencer.SEARCH):
             walk.run(p.search, magnitude=size)
 
@@ -274,7 +274,7 @@ def _searches(walk):
                 kinds_by_rotation.setdefault(total, set()).add(("size", k, size & bit > 0))
             if _accepts_correction(p, correction, limit=bit) != sound:
                 kinds_by_rotation.setdefault(total, set()).add(("limit", k))
-    for total in _covering(kinds_by_rotation):
+    for total in _covering_keys(kinds_by_rotation):
         if walk.until(sequencer.SEARCH) or walk.again(sequencer.SEARCH):
             for k in range(1, p.search + 1):
                 walk.run(1, phase=_wrap_phase(total * k // p.search))

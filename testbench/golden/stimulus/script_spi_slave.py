@@ -37,7 +37,7 @@ def frame(read, address, words, count=None, spoil=0, zeros=0):
     return head + check + data + [0] * spi_slave.CRC_BITS if read else head + data + check
 
 
-def ending(words, check):
+def search_crc(words, check):
     """Words of a write to address 10h with another last one, so that the CRC is `check`."""
     for last in itertools.count():
         candidate_words = [*words[:-1], last]
@@ -109,7 +109,7 @@ def good(host, w):
         host.send(frame(READ, 0x300, [word]), rdata=word)
     for count in range(1, spi_slave.MOST_WRITTEN + 1):
         for check in (0, spi_slave.CRC_MASK):
-            host.send(frame(0, 0x10, ending(host.words(count), check)))
+            host.send(frame(0, 0x10, search_crc(host.words(count), check)))
     # SCK moves while nothing is selected
     for sck in (1, 0, 1, 1, 0):
         host.rows(IDLE, sck=sck)

@@ -128,7 +128,7 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
         self.likes = {g: rows[recorded_id] for g, recorded_id in self.likes.items()}
         self.segments = tuple(
             Segment(g, {k: getattr(c, k) for k in PRINTED}, g, 0, "fit", self.likes[g][1].observables)
-            for g, c in ((g, _printed(c)) for g, c in self.conditions.items())
+            for g, c in ((g, _plan_condition(c)) for g, c in self.conditions.items())
         )
         self.hashes = of.hashes | {"offered": of.key([*self.conditions.values()], sorted(laws))}
 
@@ -171,6 +171,6 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
         return "\n".join(["[[condition]]", *(f"{key} = {short_toml(value)}" for key, value in rows)])
 
 
-def _printed(c):
+def _plan_condition(c):
     """A condition as a plan has it."""
     return c._replace(settle_s=SETTLE_S, from_dps=loop_runs.before_dps(c))

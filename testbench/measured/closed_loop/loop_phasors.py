@@ -52,7 +52,7 @@ def _word_means(words, step):
 def probe(bench, run):
     """{state: phasor} of x cx, of `u` `w` per LSB of words and their changes, of `cy` per y, after a kick."""
     rate = np.deg2rad(loop_runs.before_dps(run.condition)) + KICK_RAD_S
-    out = bench.probed(run, PROBED_FRAMES, rate)
+    out = bench.probe_run(run, PROBED_FRAMES, rate)
     theta = out.probe_ints[:, 0] / TURN
     nodes = {name: phasors(theta, out.probe_floats[:, engine.PROBE_FLOATS.index(node)]) for name, node in NODES.items()}
     step = WINDOW_TICKS // FRAME_TICKS
@@ -93,7 +93,7 @@ def trajectory(run, states, rows):
     return out | {"rate": mean(rate), "temp": mean(temp), "s": t_s}
 
 
-def _dressed(values, dress):
+def _apply_dress(values, dress):
     return np.sign(values) if dress == law.SGN else np.abs(values) if dress == law.ABS else values
 
 
@@ -111,7 +111,7 @@ def envelope(one, states, temp_ref_degc):
             v = (states[f.name] - (temp_ref_degc if f.name == "temp" else 0.0))[:, None]
         else:
             v = np.real(states[f.name][:, None] * turn)
-        value = value * _dressed(v, f.dress) ** f.power
+        value = value * _apply_dress(v, f.dress) ** f.power
     # the reference of the demodulators stands where the loop holds cx
     about = np.exp(1j * np.angle(states["cx"][0])) if one.port in law.CV_PORTS else 1.0
     turn = turn * about

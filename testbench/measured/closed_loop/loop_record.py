@@ -198,7 +198,7 @@ def open_record(paths, options, calibrated=None, bench=None, cache=None):
     if not schema.has_supported_map(loaded.record):
         text = "regmap_sha256 is another firmware's, and tracing runs this one in its loop"
         raise ConfigError(f"{paths[0]}: {text}; gyro measured residuals --kind R1 and calibrate do not")
-    record, lacking = firmware_words.completed(loaded.record)
+    record, lacking = firmware_words.complete_record(loaded.record)
     model = check_tables.stated_config(record)
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
     data = measured_features(record, paths[0].name, hashes)
@@ -215,7 +215,7 @@ def open_record(paths, options, calibrated=None, bench=None, cache=None):
         *lines,
     )
     problem.heldout_independent = has_independent_holdout(record)
-    if loaded.blocked:
+    if loaded.is_blocked:
         problem.firmware = next(str(f) for f in loaded.findings if f.rule == "R16")
     r0 = loaded.residual
     problem.firmware_certificate = {"decidable": bool(r0.decidable), "first": str(r0.first) if r0.first else None}

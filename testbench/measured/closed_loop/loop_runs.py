@@ -235,7 +235,7 @@ class Bench:
         s.plant.now[:] = np.inf
         return engine.State(s.fpga, s.chips, plant.copy(s.plant), s.tick, s.drdy_cycle)
 
-    def probed(self, run, frames, rate_rad_s):
+    def probe_run(self, run, frames, rate_rad_s):
         """engine.Streams of the frame engine, every tick probed, from the locked state that a run begins from."""
         p, state = _run_params(run), self.locked_state(run.start, run.condition)
         out = engine.streams(0, frames + 1, 0, frames * FRAME_TICKS, 0)
@@ -269,7 +269,7 @@ class Bench:
         def work(members):
             nonlocal finished_s
             if kind != EXACT:
-                rows = [self._averaged(runs[k], states[k], lenient) for k in members]
+                rows = [self._run_baseband(runs[k], states[k], lenient) for k in members]
             elif len(members) >= LEAST_LANES:
                 rows = _side_by_side([(runs[k], params[k], states[k]) for k in members])
             else:
@@ -283,7 +283,7 @@ class Bench:
         self._map_jobs(work, _lane_groups(runs, params) if kind == EXACT else [[k] for k in range(len(runs))])
         return out
 
-    def _averaged(self, run, state, lenient):
+    def _run_baseband(self, run, state, lenient):
         """Rows of a run in the baseband engine; None where it fails and may."""
         try:
             with DESIGN:

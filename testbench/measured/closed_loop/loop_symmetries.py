@@ -84,7 +84,7 @@ def _parameter_name(key):
 def identifiability_lines(keys, theta, covariance):
     """What no record shows of parameters, and the products that it does show with their sd; () if nothing is tied."""
     values, out = dict(zip(keys, theta)), []
-    for s in tied(keys).values():
+    for s in active_symmetries(keys).values():
         texts = []
         for words, value, slopes in s.invariants(values):
             g = np.array([slopes.get(key, 0.0) for key in keys])
@@ -94,7 +94,7 @@ def identifiability_lines(keys, theta, covariance):
     return (*out, f"not identifiable: {MASS}; to fix it: {MASS_EXPERIMENT}") if out else ()
 
 
-def tied(keys):
+def active_symmetries(keys):
     """{held key: Symmetry} of those whose parameters are all among `keys`."""
     return {s.dependent_key: s for s in SYMMETRIES if {s.dependent_key, *s.partners} <= set(keys)}
 
@@ -107,7 +107,7 @@ def weak(columns):
     return [(d, min(VISIBLE_SIGMAS / size, REACH)) for d, size in zip(directions[some], sizes[some])]
 
 
-def corrected(columns, directions, measured):
+def correct_columns(columns, directions, measured):
     """Columns (n, parameters) whose changes along orthonormal directions are the measured ones (directions, n)."""
     if not len(directions):
         return columns

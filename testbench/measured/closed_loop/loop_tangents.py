@@ -15,7 +15,7 @@ import numpy as np
 
 from testbench.measured.closed_loop.loop_difference_plant import AIM, FREQUENCY_TOLERANCE_HZ, use_uniform_references
 from testbench.measured.closed_loop.loop_responses import Responses, covers
-from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
+from testbench.measured.closed_loop.loop_symmetries import active_symmetries, correct_columns, weak
 from testbench.tracing.problem.problem import PredictionFailed
 
 AIM_FACTOR = 2.5  # how far off AIM a step may be
@@ -41,7 +41,7 @@ class Tangents:
         self._port_laws = {name: laws for name, laws in port_laws.items() if covers(laws)}
         # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
         self._wide, self._weak = bool(of.starts), None
-        self._tied = tied(self.nuisances) if self._wide else {}
+        self._tied = active_symmetries(self.nuisances) if self._wide else {}
         for role in {c.role for c in of.conditions.values()}:
             self.kept[self._key(role, "plant.fx_hz")] = {c.id: of.slope[c.id] for c in self._conditions(role)}
 
@@ -94,7 +94,7 @@ class Tangents:
             if up is not None and down is not None:
                 directions.append(d)
                 changes.append({g: (up[g] - down[g]) / (2 * step) for g in up})
-        return {g: corrected(v * sd, directions, [m[g] for m in changes]) / sd for g, v in out.items()}
+        return {g: correct_columns(v * sd, directions, [m[g] for m in changes]) / sd for g, v in out.items()}
 
     def _response_column(self, name, role):
         """Column of a law by the responses; zero where its largest step would hardly move the data."""
@@ -151,11 +151,11 @@ class Tangents:
                 if size < VISIBLE_SIGMAS and name in of.candidates:
                     # what the largest step hardly moves is noise, and no law that these data see
                     columns[name] = zero
-                if not AIM / AIM_FACTOR <= size <= AIM * AIM_FACTOR and self._aimed(name, steps, size):
+                if not AIM / AIM_FACTOR <= size <= AIM * AIM_FACTOR and self._adjust_step(name, steps, size):
                     again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
-        both = [n for n, v in columns.items() if v is not zero and self._sided(n)]
+        both = [n for n, v in columns.items() if v is not zero and self._is_two_sided(n)]
         for name, change in zip(both, self._changes([self._step_point(n, -steps[n]) for n in both], base)):
             if change is not None:
                 columns[name] = {g: (v - change[g] / steps[name]) / 2 for g, v in columns[name].items()}
@@ -184,14 +184,14 @@ class Tangents:
             failed_names = [name for name, features in zip(names, results) if features is None]
             for name, features in zip(names, results):
                 if features is not None:
-                    self._aimed(name, steps, self._change_sigmas({one.id: features[one.id] - base[one.id]}))
+                    self._adjust_step(name, steps, self._change_sigmas({one.id: features[one.id] - base[one.id]}))
             for name in failed_names:
                 steps[name] *= SHORTER
             if not failed_names:
                 break
             names = failed_names
 
-    def _aimed(self, name, steps, size):
+    def _adjust_step(self, name, steps, size):
         """True if a step that moves `size` sigmas could be changed so that it moves AIM. Mutates `steps`."""
         factor = np.clip(AIM / max(size, 1e-3), 1e-3, 100.0)
         if factor * abs(steps[name]) > self.largest(name):
@@ -199,7 +199,7 @@ class Tangents:
         steps[name] *= factor
         return True
 
-    def _sided(self, name):
+    def _is_two_sided(self, name):
         """True if steps to both sides are allowed."""
         return name not in self.of.candidates or not self.of.candidates[name].law.sign
 

@@ -34,15 +34,15 @@ def _certificate(problem, theta, effects):
 def run(problem, options=None, progress=None, checkpoint=None):
     """(Tracer, Result) of a problem; that of a closed loop is anchored until its certificate holds, or ROUNDS times."""
 
-    def decided():
+    def run_tracer():
         tracer = Tracer(problem, options or Options(), progress, checkpoint)
         return tracer, tracer.decide()
 
     for round_ in range(ROUNDS):
-        tracer, blocked = decided()
+        tracer, blocked = run_tracer()
         if blocked or not isinstance(problem, Anchored):
             return tracer, blocked or tracer.conclude()
-        theta, effects = tracer.arrived()
+        theta, effects = tracer.final_estimate()
         if not round_:
             _move_anchor(problem, problem.anchor_certificate(theta, effects), theta, effects)
             continue
@@ -65,7 +65,7 @@ def run(problem, options=None, progress=None, checkpoint=None):
     if not certificate["holds"]:
         # the core names nothing on a model that is not the engine's
         problem.numerical_certificate = certificate
-        tracer, blocked = decided()
+        tracer, blocked = run_tracer()
     result = blocked or tracer.conclude()
     result.certificates["numerical"] = certificate
     result.notes += [] if blocked else problem.unidentifiable(tracer.fits["after"])

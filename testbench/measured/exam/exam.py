@@ -216,7 +216,7 @@ def nulls(problem, count, seed=0, say=None):
     theta = fit_stages(problem, ())[0].point.theta
     out = []
     for k in range(count):
-        one = problem.simulated(theta, {}, np.random.default_rng([seed, k]))
+        one = problem.simulate_data(theta, {}, np.random.default_rng([seed, k]))
         staged = run_stages(one, 1)
         out.append([e["law"] for e in staged.json["effects"]])
         if say:

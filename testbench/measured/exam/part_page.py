@@ -98,7 +98,7 @@ def describe_residual(problem, key, rows):
     def neighbours(v):
         return float(np.corrcoef(v[1:], v[:-1])[0, 1])
 
-    def shuffled(v):
+    def permutation_p(v):
         return (sum(neighbours(rng.permutation(v)) >= neighbours(v) for _ in range(SHUFFLES)) + 1) / (SHUFFLES + 1)
 
     sorted_in_time = np.array_equal(order, np.arange(len(order)))
@@ -115,9 +115,9 @@ def describe_residual(problem, key, rows):
         "segment": key[0],
         "observable": key[1],
         "neighbours": neighbours(e),
-        "p": shuffled(e),
+        "p": permutation_p(e),
         "drift": None if sorted_in_time else neighbours(row.after),
-        "drift_p": None if sorted_in_time else shuffled(row.after),
+        "drift_p": None if sorted_in_time else permutation_p(row.after),
         "tenth": float(power[at]),
         "tenth_from": float(x[order][at]),
         "tenth_to": float(x[order][at + width - 1]),

@@ -8,7 +8,7 @@ from testbench.storage import inputs
 HEAD_BYTES = 4096
 
 
-def recognised(paths, form):
+def load_recognised(paths, form):
     """[(path, content)] of the files whose first bytes a module of this folder knows, and whose content it has."""
     out = []
     for path in paths:

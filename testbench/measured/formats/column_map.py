@@ -168,10 +168,10 @@ class _MappedTable:
         """Of the map and the table together."""
         return hashlib.sha256(inputs.read_bytes(self.path) + inputs.read_bytes(self.file)).hexdigest()
 
-    def ordered(self, axis, strictly):
+    def sort_rows(self, axis, strictly):
         """(columns with a rising axis, findings)."""
         sheet = Sheet(str(self.file), self.stated.kind, _axis_first(self.one, axis))
-        order, findings = backwards.rising(sheet, strictly, self.stated.kind != "sweep")
+        order, findings = backwards.rising_order(sheet, strictly, self.stated.kind != "sweep")
         if order is not None:
             self.one = {role: v[order] for role, v in self.one.items()}
             self.many = {role: [v[order] for v in many] for role, many in self.many.items()}
@@ -206,7 +206,7 @@ def _axis_first(one, axis):
 def _make_trace(mapped):
     axis = "time" if mapped.stated.kind == "ring-down" else "frequency"
     mapped.one = {axis: mapped.one[axis], "power": mapped.one["power"]}
-    findings = mapped.ordered(axis, axis == "time")
+    findings = mapped.sort_rows(axis, axis == "time")
     x = mapped.one[axis]
     if x[-1] == x[0]:
         raise FileError(f"{mapped.path}: {axis} stands still")
@@ -230,7 +230,7 @@ def _make_sweep(mapped):
     if "s21" not in s:
         raise FileError(f"{mapped.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
     mapped.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
-    mapped.ordered("frequency", True)
+    mapped.sort_rows("frequency", True)
     f, date = one["frequency"], str(mapped.head.get("date", ""))
     return Sweep(str(mapped.file), (date,), f, s, 50.0, False, grid_step(f), polar, bool(polar))
 
@@ -241,7 +241,7 @@ def _make_meters(mapped):
         raise FileError(
             f"{mapped.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
         )
-    findings = mapped.ordered("time", False)
+    findings = mapped.sort_rows("time", False)
     many = mapped.many
     return Meters(
         mapped.path,

@@ -49,7 +49,7 @@ def read_mat(path, selection=None):
     data = inputs.read_bytes(path)
     if not is_mat(data):
         raise FileError(f"{path}: expected a MATLAB 5 file, found other first bytes")
-    with inputs.parsing(path, "MATLAB 5 file"), warnings.catch_warnings():
+    with inputs.explain_damage(path, "MATLAB 5 file"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of names that stand twice: the last one counts
         _check_expansion(data, path)
         variables = [(name, shape) for name, shape, kind in scipy.io.whosmat(io.BytesIO(data)) if kind in KINDS]

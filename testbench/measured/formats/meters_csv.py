@@ -69,7 +69,7 @@ def read(path):
     seconds = np.array([(t - when[0]).total_seconds() for t in when])
     axis = Column("time", "s", seconds, AXIS)
     sheet = Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0])))
-    order, findings = backwards.rising(sheet, False, True)
+    order, findings = backwards.rising_order(sheet, False, True)
     if order is not None:
         seconds, table = (seconds - seconds[-1])[order], table[order]
     for name, fixed in (("time", seconds), ("source", table[:, 0]), *((columns[i], table[:, i]) for i in meters)):

@@ -31,7 +31,7 @@ def libraries():
 def read_parquet(data, path, selection=None):
     """{name: array} of a Parquet file's plain columns of numbers, read in pieces; nothing larger than is allowed."""
     _, parquet = libraries()
-    with inputs.parsing(path, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
+    with inputs.explain_damage(path, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
         rows, schema = file.metadata.num_rows, file.schema
         plain = {
             schema.column(k).path: WIDTHS[schema.column(k).physical_type]

@@ -1,7 +1,7 @@
 """All readers of recordings of parts: what a file is by its content, and what the nearest reader lacks in another.
 
-content(path)     what the first reader that knows the file gives; None: none does
-lacking(path)     one line: the nearest reader, what it wants and what it found
+content(path)             what the first reader that knows the file gives; None: none does
+describe_mismatch(path)   one line: the nearest reader, what it wants and what it found
 """
 
 from collections.abc import Callable
@@ -50,7 +50,7 @@ def content(path):
     return None
 
 
-def lacking(path):
+def describe_mismatch(path):
     """What the nearest reader lacks in a file that none reads."""
     head = inputs.head(path, HEAD_BYTES)
     text = head.decode("utf-8", "replace")

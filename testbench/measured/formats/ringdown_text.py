@@ -58,7 +58,7 @@ def load(path):
     if len(rows) < SHORTEST:
         raise FileError(f"{path}: {len(rows)} rows, {SHORTEST} or more wanted")
     x, power = np.array(rows).T
-    order, findings = backwards.rising(_as_sheet(path, kind, x, power), kind == "ringdown", True)
+    order, findings = backwards.rising_order(_as_sheet(path, kind, x, power), kind == "ringdown", True)
     if order is not None:
         x, power = x[order], power[order]
     if x[-1] == x[0] or np.all(power == power[0]):

@@ -112,7 +112,7 @@ def _restore_grid(path, frequency, rounding, data):
     """(frequencies, True if they were put back on a regular grid); FileError where they are no sweep upwards."""
     signals = [Column(f"column {k + 2}", "", v) for k, v in enumerate(data[:, 1:].T)]
     sheet = Sheet(str(path), "sweep", (Column("frequency", "Hz", frequency, AXIS, resolution=rounding), *signals))
-    backwards.rising(sheet, False, False)
+    backwards.rising_order(sheet, False, False)
     if frequency[-1] == frequency[0]:
         raise FileError(f"{path}: frequencies stand still; a sweep upwards wanted")
     grid = np.linspace(frequency[0], frequency[-1], len(frequency))
@@ -122,5 +122,5 @@ def _restore_grid(path, frequency, rounding, data):
         missing = list(gaps.check(sheet))
         if missing:  # a grid with a hole cannot be put back, and its print is too coarse to do without
             raise QualityError([f._replace(action=REFUSE) for f in missing])
-        backwards.rising(sheet, True, False)
+        backwards.rising_order(sheet, True, False)
     return frequency, False

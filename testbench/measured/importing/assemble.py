@@ -44,7 +44,7 @@ def model(mapping, map_path):
         raise ConfigError(f"{map_path}: [set] {str(problem).removeprefix('changed: ')}") from None
 
 
-def imported(paths, map_path):
+def import_files(paths, map_path):
     """`Imported` of files, each from one power-on, and their map."""
     mapping = record_map.read(map_path)
     if len(mapping.power_on) > len(paths):
@@ -60,7 +60,7 @@ def imported(paths, map_path):
     if not lacking:
         record.streams["adc_ok"] = _good(boards, record)
         lines.append("assumed: every recorded conversion was good (adc_ok)" if "adc_ok" not in mapping.columns else "")
-        full_record, lacking = firmware_words.completed(record)
+        full_record, lacking = firmware_words.complete_record(record)
     if not lacking:
         _first_words(boards, starts, full_record)
     for b, start in zip(boards, starts):
@@ -121,7 +121,7 @@ def _first_words(boards, starts, record):
     names = [name for name in schema.REPLAYED if name in boards[0].streams]
     for b, start in zip(boards, starts):
         if names and b.line.frames[0] > 0:
-            for name, values in firmware_words.replayed(record, Session(start, 1, True), names).items():
+            for name, values in firmware_words.replay_words(record, Session(start, 1, True), names).items():
                 record.streams[name].data[start] = values[0]
 
 

@@ -18,7 +18,7 @@ TRACED = ("nco_fword", "amplitude_word", "rate_word", "quadrature_code")  # that
 REPLAYED = "replayed"  # tap of a stream that nobody recorded
 
 
-def replayed(record, session, names):
+def replay_words(record, session, names):
     """{stream: (frames,)} of a session, int64."""
     firmware = build.firmware(check_tables.stated_config(record))
     stream_parts = {name: [] for name in names}
@@ -28,7 +28,7 @@ def replayed(record, session, names):
     return {name: np.concatenate(parts) for name, parts in stream_parts.items()}
 
 
-def lacking(record):
+def missing_streams(record):
     """Streams that a replay could add."""
     names = [name for name in schema.REPLAYED if name not in record.streams]
     if "adc_temperature" not in record.streams and "rate_output" in names:
@@ -36,17 +36,17 @@ def lacking(record):
     return tuple(names)
 
 
-def completed(record):
+def complete_record(record):
     """(record with the streams that it lacks, why they cannot be had or "").
 
     The record itself is left as it is; it is returned where nothing can be, or need be, added. Where `adc_ok` is not
     recorded, every conversion that was seen is taken as good.
     """
-    names = lacking(record)
+    names = missing_streams(record)
     why = firmware_residual.unreplayable(record, check_tables.stated_config(record)) if names else ""
     if why or not names:
         return record, why
-    each = [replayed(record, session, names) for session in sessions(record)]
+    each = [replay_words(record, session, names) for session in sessions(record)]
     lsb, added = schema.lsb_volts(check_tables.stated_config(record).device()), {}
     for name in names:
         data = np.concatenate([part[name] for part in each]).astype(schema.stream_dtype(name))

@@ -165,7 +165,7 @@ def likeliest(v, smooth, inverse):
         rows, logs = _parametric_noise(q, inverse).innovations(residual)
         return logs + float(rows @ rows)
 
-    def restricted(q):
+    def restricted_cost(q):
         rows, logs = _parametric_noise(q, inverse).innovations(np.column_stack([v, smooth]))
         r = np.linalg.qr(rows[:, [*range(1, rows.shape[1]), 0]], mode="r")
         return logs + 2 * float(np.sum(np.log(np.abs(np.diag(r)[:-1])))) + float(r[-1, -1] ** 2)
@@ -182,7 +182,7 @@ def likeliest(v, smooth, inverse):
         if best is not None and value >= best[0]:
             break
         best = value, best_fit.x
-    return _parametric_noise(minimize(restricted, best[1], method="Nelder-Mead", options=SIMPLEX).x, inverse)
+    return _parametric_noise(minimize(restricted_cost, best[1], method="Nelder-Mead", options=SIMPLEX).x, inverse)
 
 
 def _parametric_noise(q, inverse):

@@ -29,7 +29,7 @@ SHUFFLED = 0.5  # correlation of time and source below which the order is random
 READINGS = 3  # behind one point, where the file gives their spread
 
 
-def lagged(seconds, x, tau_s):
+def apply_lag(seconds, x, tau_s):
     """`x` behind a first-order lag."""
     y = np.array(x, float)
     for i in range(1, len(y)):
@@ -38,7 +38,7 @@ def lagged(seconds, x, tau_s):
     return y
 
 
-def scaled(x):
+def normalise_series(x):
     """Zero mean, largest magnitude 1; None if it does not move."""
     x = np.asarray(x, float) - np.mean(x)
     top = np.max(np.abs(x))
@@ -66,9 +66,9 @@ def shapes(data):
     for column, x in data.environment.items():
         rows[column] = x
         if "room" in column.lower() and "temp" in column.lower():
-            rows |= {f"{column} {tau:g} s late": lagged(data.seconds, x, tau) for tau in SETTLE_S}
+            rows |= {f"{column} {tau:g} s late": apply_lag(data.seconds, x, tau) for tau in SETTLE_S}
     for column, x in rows.items():
-        span, x = np.max(np.abs(x - np.mean(x))), scaled(x)
+        span, x = np.max(np.abs(x - np.mean(x))), normalise_series(x)
         if x is not None:
             out[f"gain with {column}"] = (f"gain follows it; 1 is {span:.4g} of it", x * u)
             out[f"offset with {column}"] = (f"offset follows it; 1 is {span:.4g} of it", x)
@@ -100,8 +100,8 @@ def smooth_residuals(data):
     u = data.source_v / full_v(data)
     knots = np.linspace(-1, 1, 24)
     tents = np.clip(1 - np.abs(u[:, None] - knots) / (knots[1] - knots[0]), 0, None)
-    rows = [x for x in (scaled(v) for v in data.environment.values()) if x is not None]
-    t = scaled(data.seconds)
+    rows = [x for x in (normalise_series(v) for v in data.environment.values()) if x is not None]
+    t = normalise_series(data.seconds)
     rows += [t, t * t, t**3]
     a = np.column_stack([tents, np.sign(u), *rows, *[x * u for x in rows]])
     error = (data.readings_v - data.source_v[:, None]) * 1e6

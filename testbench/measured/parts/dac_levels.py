@@ -47,7 +47,7 @@ class Session(NamedTuple):
     print_lsb: float = 0.0
 
 
-def straight(v):
+def fit_line(v):
     """(residual, offset, slope) of a least-squares line over the code."""
     code = np.arange(len(v)) - (len(v) - 1) / 2
     slope, offset = float(code @ v) / float(code @ code), float(np.mean(v))
@@ -196,7 +196,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     size, blocks = block_codes(bits), min(BLOCKS, 1 << bits)
     nuisances = (Nuisance("bow", "LSB", 0.0, np.inf, 1.0),)
     shapes = shapes | {"bow": bow(bits)}
-    table = {n: features(straight(v)[0]) for n, v in shapes.items()}
+    table = {n: features(fit_line(v)[0]) for n, v in shapes.items()}
     data = [features(s.error_lsb) for s in sessions]
     if len(sessions) == 1:
         # drift cannot be told from the levels: stretches of blocks take turns at choosing and judging
@@ -234,7 +234,7 @@ def channel_sessions(files):
     for c in common:
         sessions = []
         for number, f in enumerate(files, 1):
-            residual, _, slope = straight(f.channels[c])
+            residual, _, slope = fit_line(f.channels[c])
             noise = series.rounding_noise(f.channels[c]) / abs(slope)
             sessions.append(Session(f"session {number}", residual / slope, slope, noise))
         out[c] = sessions

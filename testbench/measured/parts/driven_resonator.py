@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import ConfigError
-from testbench.measured.formats import input_output, recognised
+from testbench.measured.formats import input_output, load_recognised
 from testbench.measured.models import mode, splits
 from testbench.measured.models.row_noise import Noise
 from testbench.measured.models.terms import FORCES, GRAMMAR, TERMS
@@ -300,7 +300,7 @@ def _cut_piece(name, role, record, wide, a, b, noise, floor):
 
 
 def _are(paths):
-    return [path for path, _ in recognised(paths, input_output)]
+    return [path for path, _ in load_recognised(paths, input_output)]
 
 
 def jobs(paths):

@@ -34,7 +34,7 @@ class Piece(NamedTuple):
 MEMBERS = "unit observable f_ref_hz working working_at all_pieces pieces notes exam abscissa where repeatability"
 
 
-class Part(PartProblem, adds=f"{MEMBERS} nuisance_values model locate predict_rows simulated"):
+class Part(PartProblem, adds=f"{MEMBERS} nuisance_values model locate predict_rows simulate_data"):
     """Base of the problems of parts. A subclass gives `model` and `locate`."""
 
     unit, observable = "", "residual"
@@ -133,7 +133,7 @@ class Part(PartProblem, adds=f"{MEMBERS} nuisance_values model locate predict_ro
         """All rows of a piece, its local unknowns fitted on its setup rows."""
         return self.model(piece, values, effects, self.locate(piece, values, effects))
 
-    def simulated(self, theta, effects, rng):
+    def simulate_data(self, theta, effects, rng):
         """The same experiment with data from the model: local unknowns as in the measured data, declared noise."""
         other, values = copy.copy(self), self.nuisance_values(theta)
         pieces = []

@@ -16,7 +16,7 @@ import numpy as np
 
 from fpga_model.jit import kernel
 from testbench.errors import FileError
-from testbench.measured.formats import recognised, ringdown_text
+from testbench.measured.formats import load_recognised, ringdown_text
 from testbench.measured.models.row_noise import turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
@@ -165,7 +165,7 @@ class Ringdown(Part):
         return local[0], float(np.exp(local[1]))
 
 
-def _used(trace, background_dbm):
+def _select_decay(trace, background_dbm):
     """(first, end, `Noise`) of the part of a run that is a decay clear of its background; FileError if it is short."""
     p, t = trace.power_dbm, trace.x
     a, b = stretch(p)
@@ -193,7 +193,7 @@ def _until(a, b, too_low):
 def trace_piece(trace, fitted, background_dbm=None):
     """`Piece` of a run, and notes on what was left out."""
     t, p = trace.x, trace.power_dbm
-    a, b, its = _used(trace, background_dbm)
+    a, b, its = _select_decay(trace, background_dbm)
     number = trace.header.get("measurement id", "") or "run"
     notes = []
     if a:
@@ -257,7 +257,7 @@ def problem(traces):
 
 def load(paths):
     """`ringdown_text.Trace`s of the files that are ring-downs."""
-    return [trace for _, trace in recognised(paths, ringdown_text) if trace.kind == "ringdown"]
+    return [trace for _, trace in load_recognised(paths, ringdown_text) if trace.kind == "ringdown"]
 
 
 def jobs(paths):

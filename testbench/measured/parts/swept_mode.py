@@ -262,7 +262,7 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         used = piece.setup[piece.setup < half]
         s = 1e-3 * (piece.rows[:half] + 1j * piece.rows[half:])
         separation = () if self.second is None else (self.second.f_hz - self.second.q[0], self.second.ln_g)
-        return located(self.columns, piece, s, used, effects, separation)
+        return locate_mode(self.columns, piece, s, used, effects, separation)
 
 
 def _complex(rows):
@@ -308,7 +308,7 @@ def images(f_hz, power, rate_hz):
     return float(observed), float((count + 1) / (len(spacings) + 1))
 
 
-def located(columns_of, piece, s, used, effects, separation=()):
+def locate_mode(columns_of, piece, s, used, effects, separation=()):
     """((f0, ln g, ..), linear unknowns) that fit s at `used`, from the quasi-static peak.
 
     separation   Hz of a second mode from the first, and ln of its g: where its own two unknowns start, and are drawn

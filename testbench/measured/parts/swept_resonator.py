@@ -12,12 +12,12 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from testbench.errors import FileError
-from testbench.measured.formats import recognised, touchstone
+from testbench.measured.formats import load_recognised, touchstone
 from testbench.measured.models.row_noise import Noise
 from testbench.measured.models.working import Working
 from testbench.measured.parts import second_mode
 from testbench.measured.parts.part import Piece
-from testbench.measured.parts.swept_mode import PATH, TWO_PI, Sweep, SweptResonator, located, sweep_laws
+from testbench.measured.parts.swept_mode import PATH, TWO_PI, Sweep, SweptResonator, locate_mode, sweep_laws
 from testbench.tracing.problem.problem import Nuisance
 
 WIDEST = 3000  # points used
@@ -114,7 +114,7 @@ def problem(sweeps):
     n = len(first.data.f_hz)
     s = 1e-3 * (first.rows[:n] + 1j * first.rows[n:])
     resonator = SweptResonator("swept resonator", (), (), pieces, {}, notes)
-    (f0, ln_g), linear = located(resonator.columns, first, s, np.arange(n), {})
+    (f0, ln_g), linear = locate_mode(resonator.columns, first, s, np.arange(n), {})
     fitted = pieces[0].scored[pieces[0].scored < n]
     second = second_mode.choose(resonator.columns, first, s, fitted, (f0, ln_g), 1e-3 * first.floor)
     if second:
@@ -144,7 +144,7 @@ def problem(sweeps):
 
 def load(paths):
     """`touchstone.Sweep`s of the files that are such sweeps."""
-    return [sweep for _, sweep in recognised(paths, touchstone)]
+    return [sweep for _, sweep in load_recognised(paths, touchstone)]
 
 
 def _is_disjoint(a, b):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import wofz
 
 from testbench.errors import FileError
-from testbench.measured.formats import recognised, ringdown_text
+from testbench.measured.formats import load_recognised, ringdown_text
 from testbench.measured.models.row_noise import Noise, neighbours, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
@@ -102,7 +102,7 @@ def problem(trace):
 
 
 def _load_spectra(paths):
-    return [(path, trace) for path, trace in recognised(paths, ringdown_text) if trace.kind == "spectrum"]
+    return [(path, trace) for path, trace in load_recognised(paths, ringdown_text) if trace.kind == "spectrum"]
 
 
 def jobs(paths):

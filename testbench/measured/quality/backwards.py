@@ -1,6 +1,6 @@
 """Rows in the reverse order, where the axis or physics can tell.
 
-axis       time or frequency falls (`rising` is what loaders ask)
+axis       time or frequency falls (`rising_order` is what loaders ask)
 ring-down  power grows as a free decay falls               meters   readings fall as their source rises
 levels     volts fall as the code rises                    driven   the output comes before its input
 """
@@ -17,7 +17,7 @@ GROWTH = 3.0  # rise over fall, and before over after
 REACH = 128  # rows: an input of few lines gives an answer that comes again
 
 
-def rising(sheet, strictly, correct):
+def rising_order(sheet, strictly, correct):
     """(order (n,) in which the first column rises, findings); (None, ()) where it does; QualityError if it never does.
 
     strictly   True: no two rows may stand at one place        correct   False: rows in reverse order are refused

@@ -52,7 +52,7 @@ def _chance(sheet, signals):
 
 def check(sheet):
     """Findings about a sheet; what stands still is the business of `stuck`."""
-    signals = [c.unwrapped for c in sheet.columns_by_role(SIGNAL)]
+    signals = [c.unwrapped_values for c in sheet.columns_by_role(SIGNAL)]
     axis = [c.values for c in sheet.columns_by_role(AXIS)]
     name = ", ".join(c.name for c in sheet.columns_by_role(SIGNAL)[:3])
     still = np.any([stuck_rows(v) for v in signals], axis=0)

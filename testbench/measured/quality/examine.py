@@ -1,7 +1,7 @@
 """All checks on the sheets of one recording: what would spoil the others' judgement comes first.
 
-    examine(sheets)             findings, the worst first
-    refused(findings, option)   QualityError of those that refuse; --option quality=report: none does
+    examine(sheets)                    findings, the worst first
+    enforce_quality(findings, option)  QualityError of those that refuse; --option quality=report: none does
 Source  docs/quality.md
 """
 
@@ -39,7 +39,7 @@ def examine(sheets):
     return tuple(sorted(findings, key=lambda f: f.action != REFUSE))
 
 
-def refused(findings, option=""):
+def enforce_quality(findings, option=""):
     """Findings that go on; QualityError where one refuses and the user did not say quality=report."""
     if option not in ("", "report"):
         raise ConfigError(f"--option quality={option}: report is the only word it knows")

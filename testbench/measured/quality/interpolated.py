@@ -96,7 +96,7 @@ def check(sheet):
         grid = grid_step(c.values)
         courses = [(c.course, None if axis is None else axis.values, None)]
         if sheet.order is not None:
-            courses.append((sheet.ordered(c.course), sheet.ordered(axis.values), sheet.order))
+            courses.append((sheet.order_values(c.course), sheet.order_values(axis.values), sheet.order))
         for v, x, order in courses:
             mask = on_a_line(v, x, max(grid, c.resolution))
             if mask.any():

@@ -33,14 +33,14 @@ class Column(NamedTuple):
     resolution: float = 0.0
 
     @property
-    def unwrapped(self):
+    def unwrapped_values(self):
         """The values; angles without their jumps of a turn."""
         return np.unwrap(self.values, period=360.0) if self.unit == "deg" else self.values
 
     @property
     def course(self):
         """What the checks of noise look at."""
-        return self.unwrapped if self.error is None else self.error
+        return self.unwrapped_values if self.error is None else self.error
 
 
 class Sheet(NamedTuple):
@@ -64,10 +64,10 @@ class Sheet(NamedTuple):
         """The column of a name, or None."""
         return next((c for c in self.columns if c.name == name), None)
 
-    def ordered(self, v):
+    def order_values(self, v):
         """Values in the order in which neighbours belong together."""
         return v if self.order is None else v[self.order]
 
     def file_rows(self, rows):
-        """Rows of the file behind rows of `ordered`."""
+        """Rows of the file behind rows of `order_values`."""
         return np.asarray(rows) if self.order is None else self.order[rows]

@@ -80,7 +80,7 @@ def check(sheet):
             yield finding(sheet, "spikes", "s21", mask, words)
         return
     for c in sheet.columns_by_role(SIGNAL):
-        mask = spike_rows(sheet.ordered(c.course), c.fast, c.unit.startswith("dB"))
+        mask = spike_rows(sheet.order_values(c.course), c.fast, c.unit.startswith("dB"))
         if mask.any():
             rows = sheet.file_rows(np.flatnonzero(mask))
             action = REPORT if sheet.kind == "levels" and len(rows) < FEW * sheet.rows else None

@@ -62,7 +62,7 @@ def stuck_rows(v):
 def check(sheet):
     """Findings about the signals of a sheet; equal values at the extreme are the business of `clipped`."""
     for c in sheet.columns_by_role(SIGNAL):
-        v = c.unwrapped
+        v = c.unwrapped_values
         mask = stuck_rows(v) & (v != v.max()) & (v != v.min())
         if mask.any():
             yield finding(sheet, "stuck", c.name, mask, "stands still while other rows move")

@@ -61,7 +61,7 @@ def _meter_units(sheet):
             continue
         spread = sheet.column(f"spread of {c.name}")
         if spread is not None and np.median(spread.values) > 0:
-            noise = np.quantile(np.abs(neighbour_residual(sheet.ordered(c.course))), 0.9) / 1.645
+            noise = np.quantile(np.abs(neighbour_residual(sheet.order_values(c.course))), 0.9) / 1.645
             ratio = np.median(spread.values) / max(noise, 1e-300)
             if not 1 / 300 < ratio < 300:
                 text = f"spread is {ratio:.3g} times the noise of the readings: not in V"

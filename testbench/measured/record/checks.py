@@ -143,7 +143,7 @@ def _rates(record):
         yield Finding("R05", "/streams/adc_xI", "expected a row or more, found 0")
 
 
-def _ordered(record):
+def _check_edges(record):
     for name, table in record.tables.items():
         key = "edge_a" if "edge_a" in table else "edge"
         if key not in table:
@@ -216,7 +216,7 @@ def _alive(record):
 # Rules that take for granted what the ones before them ask for
 DEPENDENT_RULES = (
     _rates,
-    _ordered,
+    _check_edges,
     _gaps,
     _alive,
     check_tables.identities,

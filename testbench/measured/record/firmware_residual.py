@@ -141,10 +141,10 @@ def _initial(record):
     names = initial_names()
     if any(name not in have for name in names):
         return None
-    return started([have[name] for name in names])
+    return initial_side([have[name] for name in names])
 
 
-def started(row):
+def initial_side(row):
     """`replay.Side` at edge 0 from the values of `initial_names`."""
     s = replay.power_on()
     c = flatten.rebuild(s.w.control, row)

@@ -33,7 +33,7 @@ class Loaded:
         return tuple(str(f) for f in self.findings if f.level == WARNED)
 
     @property
-    def blocked(self):
+    def is_blocked(self):
         """True while tracing of physics waits for an override."""
         return any(f.level == BLOCKED for f in self.findings)
 

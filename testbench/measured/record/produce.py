@@ -131,7 +131,7 @@ class Sitting:
             self._count(probe, rate, temp)
         if not board.locked:
             raise ConfigError(f"{where}: lock is lost")
-        self._add_segment("", begin, c, "sweep" if c.ramped else c.kind, c.role)
+        self._add_segment("", begin, c, "sweep" if c.is_ramped else c.kind, c.role)
         self.frames = board.tick // FRAME_TICKS
         # one tick of the next frame: its row holds the last codes
         board.advance(1, rate, temp)
@@ -140,10 +140,10 @@ class Sitting:
     def _dwell(self, ticks, before):
         """Rate and temperature at the end of a dwell of some ticks, constant or in the steps of its ramps."""
         rates, temps = self.condition.profile(max(ticks // FRAME_TICKS, 1))
-        step = RAMP_FRAMES if self.condition.ramped else len(rates)
+        step = RAMP_FRAMES if self.condition.is_ramped else len(rates)
         for first in range(0, len(rates), step):
             rate, temp = float(rates[first]) * DEG, float(temps[first])
-            if rate != before or self.condition.ramped:
+            if rate != before or self.condition.is_ramped:
                 self._stimulus(rate, temp)
             before = rate
             if ticks:

@@ -13,7 +13,7 @@ import io
 import numpy as np
 
 from testbench.measured.formats.parquet_input import libraries
-from testbench.storage.files import replacing_folder
+from testbench.storage.files import replace_folder
 
 
 def write(path, record):
@@ -38,6 +38,6 @@ def write(path, record):
             zip(*([repr(v) if isinstance(v, float) else v for v in c.data.tolist()] for c in table.values()))
         )
         files[f"{name.replace('/', '.')}.csv"] = text.getvalue().encode()
-    with replacing_folder(path) as new:
+    with replace_folder(path) as new:
         for file, data in files.items():
             (new / file).write_bytes(data)

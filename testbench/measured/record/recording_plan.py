@@ -50,7 +50,7 @@ class Condition(NamedTuple):
     temperature_ramp_k_s: float = 0.0
 
     @property
-    def ramped(self):
+    def is_ramped(self):
         return bool(self.rate_ramp_dps_s or self.temperature_ramp_k_s)
 
     def profile(self, frames):
@@ -127,7 +127,7 @@ def _text(value, choices, where):
     return value
 
 
-def _dotted(table, where):
+def _flatten_table(table, where):
     if not isinstance(table, dict):
         raise ConfigError(f"{where} = {short_toml(table)} is not a table of section.key = value")
     out = {}
@@ -143,7 +143,7 @@ def _dotted(table, where):
     return out
 
 
-def _changed(config, values, where):
+def _change_config(config, values, where):
     """Configuration with values in place, all at once."""
     try:
         return configuration.changed(config, values)
@@ -189,9 +189,11 @@ def from_dict(tree, where="plan"):
     names = [c.id for c in conditions]
     if len(set(names)) != len(names):
         raise ConfigError(f"{where}: condition ids must differ, found {', '.join(names)}")
-    model = _changed(configuration.Config(), _dotted(tree.get("set", {}), f"{where}: [set]"), f"{where}: [set]")
-    hidden = _dotted(tree.get("truth", {}), f"{where}: [truth]")
-    truth = _changed(model, hidden, f"{where}: [truth]")
+    model = _change_config(
+        configuration.Config(), _flatten_table(tree.get("set", {}), f"{where}: [set]"), f"{where}: [set]"
+    )
+    hidden = _flatten_table(tree.get("truth", {}), f"{where}: [truth]")
+    truth = _change_config(model, hidden, f"{where}: [truth]")
     priors = tree.get("prior", [])
     if not isinstance(priors, list):
         raise ConfigError(f"{where}: prior = {short_toml(priors)} is not a list; write [[prior]]")

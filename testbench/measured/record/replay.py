@@ -127,7 +127,7 @@ def _window_inputs(p, s, clock):
 
 
 @inner
-def _aged(p, dog, ticks):
+def _tick_watchdog(p, dog, ticks):
     """The watchdog after `ticks` enables without a frame."""
     age = min(dog.age + ticks, watchdog.AGE_TOP)
     return watchdog.State(age, 1 if ticks > 0 and age > p.limit else dog.stale)
@@ -153,7 +153,7 @@ def _edge(p, s, x, coming, writing):
 
 
 @inner
-def _guarded(w, dog):
+def _replace_watchdog(w, dog):
     """The same with another watchdog."""
     return window.Window(w.control, w.bank, dog, w.turn, w.slot, w.quadrature)
 
@@ -168,7 +168,7 @@ def _run_window(p, s, x, row):
     row[1] = word
     row[3] = control.agc.amplitude(p.control.agc, s.w.control.agc, sequencer.outputs(w.control.sequencer).agc_mode)
     _store_outputs(p, w.control, row)
-    w = _guarded(w, _aged(p.watchdog, watchdog.State(ZERO, ZERO), _enables(clock + 1, end)))
+    w = _replace_watchdog(w, _tick_watchdog(p.watchdog, watchdog.State(ZERO, ZERO), _enables(clock + 1, end)))
     return Side(end, w, s.old, s.new, s.valid, x.ok[s.conversion], s.conversion + 1, s.write)
 
 
@@ -184,7 +184,7 @@ def _store_outputs(p, c, row):
 @inner
 def _skip_idle(p, s, clock):
     """At a later edge, nothing having happened meanwhile."""
-    w = _guarded(s.w, _aged(p.watchdog, s.w.dog, _enables(s.clock, clock)))
+    w = _replace_watchdog(s.w, _tick_watchdog(p.watchdog, s.w.dog, _enables(s.clock, clock)))
     return Side(clock, w, s.old, s.new, s.valid, s.ok, s.conversion, s.write)
 
 

@@ -66,7 +66,7 @@ class Calibration:
     after: residuals.Study
 
     @property
-    def converged(self):
+    def is_converged(self):
         spread = max(self.costs) - min(self.costs)
         return self.decrement < CONVERGED and spread < AGREED and not self.at_bound
 

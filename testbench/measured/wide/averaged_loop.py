@@ -18,7 +18,7 @@ from testbench.measured.closed_loop import loop_runs
 from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_noise import JITTER, JITTER_HZ, LATER, NOISE_DRAWS, estimate_noise, jitter_hz
 from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import corrected, tied, weak
+from testbench.measured.closed_loop.loop_symmetries import active_symmetries, correct_columns, weak
 
 DRAWS, SPARE = 24, 10  # least power-ons for a covariance, deviations beyond its size
 SEED = 2 * 10**12  # that no recording and no draw of the linear model has
@@ -140,7 +140,7 @@ class AveragedLoop:
 
         measured  the weak directions by steps of their own.  None where the board does not lock
         """
-        dependents = tied([self._keys[k] for k in which])
+        dependents = active_symmetries([self._keys[k] for k in which])
         stepped_indices = [k for k in which if self._keys[k] not in dependents]
         results = self._slip_free_features(u, [u, *(u + self._steps[k] * self._unit[k] for k in stepped_indices)])
         if results is None:
@@ -151,7 +151,7 @@ class AveragedLoop:
             out[:, k] = (row - base) / self._steps[k]
             self._steps[k] = np.clip(AIM / max(np.linalg.norm(out[:, k] / sigma), 1e-9), *STEPS)
         out = self._tie(out, u, dependents)
-        return base, self._corrected(u, out, sigma) if measured else out
+        return base, self._measure_directions(u, out, sigma) if measured else out
 
     def _slip_free_features(self, start, points):
         """Features of points with even references and one noise, from the lock of `start`; None if one fails."""
@@ -165,7 +165,7 @@ class AveragedLoop:
             return None
         return None if any(row is None for row in rows) else rows
 
-    def _corrected(self, u, columns, sigma):
+    def _measure_directions(self, u, columns, sigma):
         """Columns with their weak directions measured; those whose steps fail stay as they are."""
         directions, changes = [], []
         for d, step in weak(columns / sigma[:, None]):
@@ -173,7 +173,7 @@ class AveragedLoop:
             if results is not None:
                 directions.append(d)
                 changes.append((results[0] - results[1]) / (2 * step))
-        return corrected(columns, directions, changes)
+        return correct_columns(columns, directions, changes)
 
     def _tie(self, columns, u, dependents):
         """Columns whose held ones follow from their partners. Mutates `columns`."""

@@ -124,7 +124,7 @@ class TurnedReading:
             self.bench.settle(SETTLE_S)
 
 
-def _stamped(bench, rows, of="drive"):
+def _find_start(bench, rows, of="drive"):
     """(words, `grid.Start`) of rows in which the pin of a channel was stamped."""
     words = rows["frequency_word"]
     return words, grid.start(words, rows.stamps, bench.read(f"phase_{of}_ref"), bench.grid)
@@ -132,7 +132,7 @@ def _stamped(bench, rows, of="drive"):
 
 def pin_delay(bench, rows, weights, channel="drive", of="drive", cosine=False):
     """`grid.EdgeDelay` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel of the stamped pin."""
-    words, begun = _stamped(bench, rows, of)
+    words, begun = _find_start(bench, rows, of)
     offset = bench.read(f"phase_{channel}_ref") + cosine * bench.grid.turn // 4
     return grid.edge_delay(words, weights, begun, offset, bench.grid)
 
@@ -142,7 +142,7 @@ def rung(bench, rows, omega):
 
     The ring, 20 times as large before the demodulator, times a line of the reference's lateness at the same place.
     """
-    words, begun = _stamped(bench, rows)
+    words, begun = _find_start(bench, rows)
     weights, step, x = grid.hann(len(rows)), omega * bench.frame_s, rows["adc_sense_cos"].astype(float)
     ring_amplitude = 2 * abs(np.sum(weights * (x - x.mean()) * np.exp(-1j * step * np.arange(len(x))))) / weights.sum()
     corner_hz = sid.corner_hz(bench.drawing.sid_r_ohm * bench.drawing.sid_c_f)
@@ -185,7 +185,7 @@ def detune(bench, angles_deg=DETUNE_DEG):
         level, pin = {}, {}
         for sign in (side, -side):
             turned.to(sign * theta)
-            rows = bench.stamped(DETUNE_S)
+            rows = bench.record_stamps(DETUNE_S)
             level[sign] = math.log(rows.mean("amplitude_word") / rows.mean("frequency_word"))
             pin[sign] = pin_delay(bench, rows, np.ones(len(rows)))
         ahead, half_difference = (pin[1.0].deg + pin[-1.0].deg) / 2, (pin[1.0].deg - pin[-1.0].deg) / 2
@@ -203,7 +203,7 @@ def minimum(bench):
     for turn in (*SCAN_DEG, *reversed(SCAN_DEG)):
         at = _turn_references(bench, at, turn)
         bench.settle(SETTLE_S - 0.5)
-        rows = bench.stamped(SCAN_S)
+        rows = bench.record_stamps(SCAN_S)
         levels.append(math.log(rows.mean("amplitude_word")))
         turns.append(turn - pin_delay(bench, rows, np.ones(len(rows))).deg)
     _turn_references(bench, at, 0.0)
@@ -315,7 +315,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
             bench.write("quadrature_fixed", value)
             settling = bench.record(CHOP_SETTLE_S * bench.pace)
             steps.append(settling["adc_sense_cos"].astype(float))
-            rows = bench.stamped(CHOP_S / 2 if value else CHOP_S)
+            rows = bench.record_stamps(CHOP_S / 2 if value else CHOP_S)
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
             records.append(rows)
         (i0, q0), (i1, q1), (i2, q2) = levels

@@ -110,14 +110,14 @@ def temperature_moves(paper, fold_result, group, best=2):
         if not all(np.isfinite(a).all() for a in now.values()):
             return None
         classes = {
-            g: heldout_measurements.compared(
+            g: heldout_measurements.compare_group(
                 fold.name, g, heldout_measurements.class_row_names(fold, g), now, post.weight, paper
             )
             for g in groups
         }
         return None if any(c.verdict == "contradicted" for c in classes.values()) else classes[group].p
 
-    p_before = heldout_measurements.compared(
+    p_before = heldout_measurements.compare_group(
         fold.name, group, heldout_measurements.class_row_names(fold, group), draws, post.weight, paper
     ).p
     size, met = FIRST, []
@@ -143,8 +143,8 @@ def _least(post, fold, group, p_before, class_p, k, far):
 def with_other_sign(paper, fold, group, rng, draws, least):
     """`heldout.Class` of a temperature that was left out, with the other sign printed in SIGN_ROW."""
     turned = likelihood.Paper(paper.values | {SIGN_ROW: -paper.values[SIGN_ROW]})
-    post = infer.posterior(likelihood.compared(turned, fold.rows), rng, draws, least)
+    post = infer.posterior(likelihood.comparison_data(turned, fold.rows), rng, draws, least)
     row_draws = heldout_measurements.draw_predictions(post, rng)
-    return heldout_measurements.compared(
+    return heldout_measurements.compare_group(
         fold.name, group, heldout_measurements.class_row_names(fold, group), row_draws, post.weight, turned
     )

@@ -364,7 +364,7 @@ def predict(z, mode, steps=True):
     return out
 
 
-def stacked(z, mode, names=FITTED):
+def stack_predictions(z, mode, names=FITTED):
     """Fitted rows as an array (boards, names); scale factor, ARW, bias instability and V_q as logarithms."""
     predictions = predict(z, mode, steps=False)
     return np.stack([np.log(predictions[n]) if n in LOGARITHMIC else predictions[n] for n in names], axis=-1)

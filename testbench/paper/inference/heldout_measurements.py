@@ -64,7 +64,7 @@ def class_row_names(fold, group):
     return [name for name in fold.rows if GROUPS[name] == group]
 
 
-def compared(fold, group, names, row_draws, weight, paper):
+def compare_group(fold, group, names, row_draws, weight, paper):
     """`Class` of the rows `names` of a group."""
     values = np.stack([row_draws[name] for name in names], axis=1)
     mean = weight @ values
@@ -85,14 +85,14 @@ def judge_folds(paper, rng, draws, least, progress=None):
     folds = rows.folds()
     for number, fold in enumerate(folds):
         excluded = () if fold.rule == "never fitted" else fold.rows
-        post = infer.posterior(likelihood.compared(paper, excluded), rng, draws, least)
+        post = infer.posterior(likelihood.comparison_data(paper, excluded), rng, draws, least)
         row_draws = draw_predictions(post, rng)
         by_fold[fold.name] = fold, post, row_draws
         for name in fold.rows:
             quantiles = [infer.quantile(row_draws[name], post.weight, share) for share in SHARES]
             out.append(Predicted(fold.name, name, paper.values[name], *quantiles))
         for group in dict.fromkeys(GROUPS[name] for name in fold.rows):
-            classes.append(compared(fold.name, group, class_row_names(fold, group), row_draws, post.weight, paper))
+            classes.append(compare_group(fold.name, group, class_row_names(fold, group), row_draws, post.weight, paper))
         if progress:
             progress("held-out rows", number + 1, len(folds))
     return out, classes, by_fold

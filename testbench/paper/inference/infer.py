@@ -53,7 +53,7 @@ def jacobian(z, mode, names):
     count = len(z)
     shifted_z = np.concatenate([z[None], z[None] + STEP_Z * np.eye(SIZE)[:, None]]).reshape(-1, SIZE)
     again = {name: np.tile(a, SIZE + 1) for name, a in mode.items()}
-    predictions = forward.stacked(shifted_z, again, names).reshape(SIZE + 1, count, len(names))
+    predictions = forward.stack_predictions(shifted_z, again, names).reshape(SIZE + 1, count, len(names))
     return predictions[0], np.moveaxis((predictions[1:] - predictions[0]) / STEP_Z, 0, -1)
 
 
@@ -64,7 +64,7 @@ def _middle():
     return mode, *jacobian(np.zeros((count, SIZE)), mode, forward.FITTED)
 
 
-def screened(data):
+def screen_modes(data):
     """Modes whose evidence by the linear model is within SCREEN_NATS of the best."""
     mode, f, j = _middle()
     at = [forward.FITTED.index(name) for name in data.names]
@@ -85,7 +85,7 @@ def _linear(z, mode, data):
 
 
 def _cost(z, mode, data):
-    r = (data.value - forward.stacked(z, mode, data.names)) / data.sigma
+    r = (data.value - forward.stack_predictions(z, mode, data.names)) / data.sigma
     return 0.5 * np.sum(r * r, axis=1) + 0.5 * np.sum(z * z, axis=1)
 
 
@@ -113,7 +113,7 @@ def _descend(z, mode, data, steps, free=1.0):
 
 def optimum(data, mode=None):
     """`Optimum` over the screened modes, or over those given."""
-    mode = screened(data) if mode is None else mode
+    mode = screen_modes(data) if mode is None else mode
     z = np.zeros((len(next(iter(mode.values()))), SIZE))
     z, cost = _descend(z, mode, data, FEW_STEPS)
     mask = cost < cost.min() + CUT_NATS
@@ -127,7 +127,7 @@ def optimum(data, mode=None):
     return Optimum(_select(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
 
 
-def settled(z, mode, data, fixed_z):
+def fit_constrained(z, mode, data, fixed_z):
     """(z, Hessian) of one board with some numbers held: {name: z}; z (priors,), mode of numbers."""
     z, free = z.copy(), np.ones(SIZE)
     for name, value in fixed_z.items():

@@ -105,7 +105,7 @@ def best_board(data, optima):
     mode = {name: int(a[0]) for name, a in optima.mode.items()}
     prior = priors.PRIORS[priors.NAMES.index("fx_hz")]
     fx_z = (Config().plant.fx_hz - prior.value(0.0)) / (prior.value(1.0) - prior.value(0.0))
-    z, hessian = infer.settled(optima.z[0], mode, data, {"fx_hz": fx_z})
+    z, hessian = infer.fit_constrained(optima.z[0], mode, data, {"fx_hz": fx_z})
     return z, mode, np.linalg.inv(hessian)
 
 
@@ -130,7 +130,7 @@ def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS)
     report_progress("posterior", 0)
     paper = paper or likelihood.the_paper()
     rng = np.random.default_rng(SEED)
-    data = likelihood.compared(paper)
+    data = likelihood.comparison_data(paper)
     post = infer.posterior(data, rng, draws, LEAST_DRAWS)
     z, mode, covariance = best_board(data, post.optimum)
     v = {name: float(a) for name, a in priors.prior_values(z).items()}

@@ -1,6 +1,6 @@
 """What a paper says and how well: rows as the fit compares them, and papers drawn from boards with noise and rounding.
 
-    compared   value, or ln(value) of scale factor, ARW, bias instability and V_q; sigma likewise, the paper's own
+    comparison_data  value, or ln(value) of scale factor, ARW, bias instability and V_q; sigma likewise, the paper's own
     drawn      the model's rows plus that noise, rounded to the digits that the text prints
     steps      |relative change| with the noise of two repeats; of the bias it grows as the bias falls
 
@@ -41,7 +41,7 @@ def the_paper():
     return Paper({row.name: row.value for row in (*FITTED, *STEPPED)})
 
 
-def compared(paper, excluded=()):
+def comparison_data(paper, excluded=()):
     """`Compared` of the fitted rows but those left out."""
     included = [row for row in FITTED if row.name not in excluded]
     value = [math.log(paper.values[r.name]) if r.logarithmic else paper.values[r.name] for r in included]

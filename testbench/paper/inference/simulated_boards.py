@@ -51,7 +51,7 @@ def rank_boards(count, seed, draws=DRAWS, progress=None):
     for number in range(count):
         z, mode, rng = board(seed, number)
         (paper,) = likelihood.draw_papers(z, mode, rng)
-        post = infer.posterior(likelihood.compared(paper), rng, draws)
+        post = infer.posterior(likelihood.comparison_data(paper), rng, draws)
         out.sizes.append(post.size)
         for k, prior in enumerate(priors.PRIORS):
             out.parameters[prior.name].append(rank(post.z[:, k], post.weight, z[0, k], rng))
@@ -60,7 +60,7 @@ def rank_boards(count, seed, draws=DRAWS, progress=None):
         steps = tuple(row.name for row in likelihood.STEPPED)
         todo = [(post, steps)]
         for fold in (by_class[number % len(by_class)], by_temp[number % len(by_temp)]):
-            todo.append((infer.posterior(likelihood.compared(paper, fold.rows), rng, draws), fold.rows))
+            todo.append((infer.posterior(likelihood.comparison_data(paper, fold.rows), rng, draws), fold.rows))
         for fitted, names in todo:
             row_draws = heldout_measurements.draw_predictions(fitted, rng)
             for name in names:

@@ -257,7 +257,7 @@ AXES = {
 }
 
 
-def varied(p: LoopParameters, **values):
+def vary_parameters(p: LoopParameters, **values):
     """LoopParameters with other `sid_hz`, `split_hz` (f_x stays), `crossover` or `zero` (factors on the configured)."""
     for name, value in values.items():
         if name == "sid_hz":
@@ -273,16 +273,16 @@ def varied(p: LoopParameters, **values):
     return p
 
 
-def turned(p, ye1_deg, ye2_deg):
+def set_phases(p, ye1_deg, ye2_deg):
     """LoopParameters whose sense path has these phases (ye1 node, ye2' loop), lags in deg."""
     amplifier_rad = sum(math.atan(p.w_rad_s * tau) for tau in p.cv_s)
     return p._replace(ye1_rad=math.radians(ye1_deg), switch_rad=amplifier_rad - math.radians(ye2_deg))
 
 
-def retuned(p: LoopParameters, split_hz):
+def retune_split(p: LoopParameters, split_hz):
     """LoopParameters at another split with the FTR gains scaled as a designer would: the mode's goes with 1/split."""
     factor = split_hz / p.split_hz
-    return varied(p, split_hz=split_hz, crossover=factor)
+    return vary_parameters(p, split_hz=split_hz, crossover=factor)
 
 
 class Map(NamedTuple):
@@ -309,8 +309,8 @@ def stability_map(p: LoopParameters, x, x_values, y, y_values, progress=None, ke
             changes = {x: float(xv), y: float(yv)}
             q = p
             if keep_gain and "split_hz" in changes:
-                q = retuned(q, changes.pop("split_hz"))
-            loop = lp.close(varied(q, **changes))
+                q = retune_split(q, changes.pop("split_hz"))
+            loop = lp.close(vary_parameters(q, **changes))
             if lp.radius(loop) >= 1:
                 peak[j, i] = math.inf
                 continue

@@ -43,7 +43,7 @@ class Hunt(NamedTuple):
     codes: np.ndarray  # (frames, 2) sine and cosine
 
 
-def quantised(config, rate_dps, seconds, code_noise=0.0, seed=1, p: LoopParameters | None = None, settled=True):
+def simulate_hunt(config, rate_dps, seconds, code_noise=0.0, seed=1, p: LoopParameters | None = None, settled=True):
     """`Hunt` at a rate (deg/s): a number, or one value per frame.
 
     code_noise  rms (codes) of white noise at the converter, before rounding

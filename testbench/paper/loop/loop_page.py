@@ -230,7 +230,7 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
             (
                 "Word per rate: flat to the bandwidth, then three poles; the spike at the split is the sense mode. "
                 "Below, if simulated: what the engine's lines differ by.",
-                draw.closed(p, study.simulated, study.lines_hz),
+                draw.closed_bode(p, study.simulated, study.lines_hz),
             ),
             (
                 "A rate step excites the split: a few tenths of a percent ring for a third of a second. A notch in the "

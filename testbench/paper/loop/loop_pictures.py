@@ -73,7 +73,7 @@ def bode(p, advice):
     return figure
 
 
-def closed(p, simulated=None, lines_hz=confirm.LINES_HZ):
+def closed_bode(p, simulated=None, lines_hz=confirm.LINES_HZ):
     """Closed loop: word per rate, with the lines of a simulated multisine and their difference if there are any."""
     loop = lp.close(p)
     dc = advisor.dc_gain(loop)
@@ -108,7 +108,9 @@ def step(p, simulated=None, width_hz=None, centre_hz=None):
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
-            filtered = notch_loop.applied(notch_loop.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words)
+            filtered = notch_loop.apply_notch(
+                notch_loop.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words
+            )
             label = f"behind a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
             axis.plot(time_s, filtered, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
         if simulated is not None:
@@ -128,11 +130,11 @@ def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
     base = None
     for colour, ye1 in zip((BLUE, GREY, VERMILION), ye1_deg):
         for style, ye2 in zip(("--", "-", ":"), ye2_deg):
-            q = advisor.turned(p, ye1, ye2)
+            q = advisor.set_phases(p, ye1, ye2)
             loop = lp.close(q)
             values = lp.response(loop, f) / advisor.dc_gain(loop)
             if base is None:
-                zero = lp.close(advisor.turned(p, 0.0, 0.0))
+                zero = lp.close(advisor.set_phases(p, 0.0, 0.0))
                 base = lp.response(zero, f) / advisor.dc_gain(zero)
             edge = advisor.bandwidth(loop)[0]
             label = f"ye1 {ye1:+d}, ye2' {ye2:+d} deg: {edge:.2f} Hz"
@@ -187,7 +189,7 @@ def rounding(config, p):
     axes[0, 0].plot(codes, codes, color=GREY, linestyle="--", label="without rounding")
     name_axes(axes[0, 0], "amplitude of the word (LSB of the force DAC)", "force (LSB)", "upper left")
     for colour, step_code, style in ((BLUE, p.step_code, "-"), (VERMILION, 1.0, "-")):
-        run = limit_cycles.quantised(config, 0.0, 3.0, p=p._replace(step_code=step_code))
+        run = limit_cycles.simulate_hunt(config, 0.0, 3.0, p=p._replace(step_code=step_code))
         time_s = np.arange(len(run.word)) * p.frame_s
         swing = run.word - np.median(run.word)
         axes[1, 0].plot(time_s, swing, style, color=colour, linewidth=1, label=f"converter in steps of {step_code:g}")

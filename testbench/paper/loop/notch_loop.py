@@ -44,7 +44,7 @@ def gain(notch: Filter, f_hz):
     return freqz(notch.b, notch.a, worN=np.atleast_1d(f_hz), fs=notch.frame_hz)[1]
 
 
-def applied(notch: Filter, words):
+def apply_notch(notch: Filter, words):
     """Words behind the notch, which has been at the first of them for ever."""
     words = np.asarray(words, float)
     return words[0] + lfilter(notch.b, notch.a, words - words[0])
@@ -126,7 +126,7 @@ def effect(p: LoopParameters, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5,
         centre_hz,
         width_hz,
         ring_share(time_s, words),
-        ring_share(time_s, applied(notch, words)),
+        ring_share(time_s, apply_notch(notch, words)),
         advisor.bandwidth(loop)[0],
         float(grid[past_edge[0]]) if len(past_edge) else math.nan,
         float(-np.angle(gain(notch, slow)[0]) / (2 * math.pi * slow) * 1e3),

@@ -34,7 +34,7 @@ def record_zero_rate(bench, seconds):
     remaining_s = seconds
     while remaining_s > 1e-9:
         rows = bench.record(min(PIECE_S, remaining_s))
-        words.append(measure_allan.averaged(rows["rate_word"].astype(float)))
+        words.append(measure_allan.average_rows(rows["rate_word"].astype(float)))
         for name, values in means.items():
             values.append(rows.mean(name))
         remaining_s -= PIECE_S
@@ -64,7 +64,7 @@ def characterise(config, say=None, engine=None, zero_rate_s=None, temp_degc=None
     report_stage("multisine and sweep")
     lines = measure_bandwidth.multisine(bench, scale.lsb_per_dps)
     bench.settle(SETTLE_S)
-    swept = measure_bandwidth.swept(bench, scale.lsb_per_dps)
+    swept = measure_bandwidth.sweep_response(bench, scale.lsb_per_dps)
     bench.settle(SETTLE_S)
     report_stage(f"{zero_rate_s:g} s at rest")
     zero_rate_words, pieces = record_zero_rate(bench, zero_rate_s)

@@ -80,7 +80,7 @@ def multisine(bench, lsb_per_dps):
     return _scaled_response(f, word / (bench.part * rate), lsb_per_dps)
 
 
-def swept(bench, lsb_per_dps):
+def sweep_response(bench, lsb_per_dps):
     """`Response` from a rate that is swept through the band; spectra smoothed over SMOOTH_HZ."""
     slower, frame_s = bench.slower, bench.frame_s
     frames, still = slower * round(SWEEP_S / frame_s), slower * round(SWEEP_PAUSE_S / frame_s)

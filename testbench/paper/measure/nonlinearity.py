@@ -46,7 +46,7 @@ def read(config):
             "scale_words": words.tolist(), "quadrature_v_of_rate": bench.quadrature_v(codes).tolist()}  # fmt: skip
 
 
-def between(v_q, ceiling_v):
+def unrailed_mask(v_q, ceiling_v):
     """Which V_q are at no rail."""
     margin = RAILED_PART * ceiling_v
     return (np.asarray(v_q) > margin) & (np.asarray(v_q) < ceiling_v - margin)
@@ -55,7 +55,7 @@ def between(v_q, ceiling_v):
 def knees_dps(rates, v_q, ceiling_v):
     """Rates at which V_q reaches its ceiling and 0, by the line of V_q^2 over the rates between; nan: at none."""
     rates, v_q = np.asarray(rates), np.asarray(v_q)
-    inside, middle = between(v_q, ceiling_v), ceiling_v / 2
+    inside, middle = unrailed_mask(v_q, ceiling_v), ceiling_v / 2
     slope, offset = np.polyfit(rates[inside], v_q[inside] ** 2, 1)
     ends = ((v_q > middle, ceiling_v**2), (v_q < middle, 0.0))
     return tuple(float((end - offset) / slope) if (~inside & side).any() else math.nan for side, end in ends)
@@ -74,7 +74,7 @@ def rail_words(rates, knees, turn_deg, leak_deg):
 def explain_nonlinearity(rates, words, v_q, ceiling_v, phases_deg):
     """`Explained` of 22 mean words and V_q; `phases_deg` what is left of xe2, ye1 and ye2."""
     rates, words = np.asarray(rates), np.asarray(words)
-    knees, inside = knees_dps(rates, v_q, ceiling_v), between(v_q, ceiling_v)
+    knees, inside = knees_dps(rates, v_q, ceiling_v), unrailed_mask(v_q, ceiling_v)
     inner = measure_scale.fit(rates[inside], words[inside])
     part = float(np.abs(rates[inside]).max() / np.abs(rates).max())
     turn, leak = phases_deg["ye1"] + phases_deg["xe2"], phases_deg["ye2"] - phases_deg["xe2"]

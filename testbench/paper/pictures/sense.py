@@ -13,7 +13,7 @@ from testbench.console.report import GREY, SKY, VERMILION, make_axes, name_axes
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as loops
 from testbench.paper.loop import loop_parameters as loop_parts
-from testbench.paper.loop.sense_grid import closed_bandwidth, sense_grid, turned
+from testbench.paper.loop.sense_grid import closed_bandwidth, phased_loop, sense_grid
 from testbench.paper.pictures import draw
 
 
@@ -26,7 +26,7 @@ def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
         "Fig. 5  Force-to-rebalance loop in the frequency domain (analysis, no statistics)", 8.4, 2, 2
     )
     for k, angle in enumerate(angles_deg):
-        p = turned(config, ye1_deg=angle)
+        p = phased_loop(config, ye1_deg=angle)
         ratio = loops.return_ratio(p, f)
         level = 20 * np.log10(np.abs(ratio))
         rise.append(float(level[f > 100.0].max() - level[(f > 60.0) & (f < split_hz)].min()))
@@ -96,8 +96,8 @@ def sense_errors(config):
     draw.legend(figure)
     ye1_only = [r[2] for r in rows if r[1] == 0.0]
     every = [r[2] for r in rows]
-    nominal = closed_bandwidth(turned(config))
-    gain = closed_bandwidth(advisor.varied(turned(config), crossover=math.cos(math.radians(9.0))))
+    nominal = closed_bandwidth(phased_loop(config))
+    gain = closed_bandwidth(advisor.vary_parameters(phased_loop(config), crossover=math.cos(math.radians(9.0))))
     return Picture(
         "fig_6b_bandwidth",
         f"What to see: ye1 alone moves the bandwidth by {max(ye1_only) - min(ye1_only):.2f} Hz, both phases by "

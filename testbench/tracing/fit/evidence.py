@@ -75,7 +75,7 @@ def linear_sets(ranking, names, laws, size):
     return LinearSets(tuple(names), members, fall, c, gain)
 
 
-def inflated(ranking, names, laws):
+def is_inflated(ranking, names, laws):
     """True if the laws of a set are too alike for one set."""
     return not linear_sets(ranking, names, laws, len(names)).fall[0]
 

@@ -99,7 +99,7 @@ def fit_uncertainty(space, ask, f):
     n = len(f.point.theta)
     # a law with a sign may only be moved away from zero
     steps = sd * np.concatenate([np.ones(n), np.where(f.point.c < 0, -1.0, 1.0)])
-    points = [f.point, *(f.model.shifted(f.point, j, steps[j]) for j in range(len(sd)))]
+    points = [f.point, *(f.model.shift_point(f.point, j, steps[j]) for j in range(len(sd)))]
     (now, *shifted) = ask([(p.theta, f.model.effects(p)) for p in points], space.which)
     if any(isinstance(m, Failed) for m in (now, *shifted)):
         return None
@@ -108,7 +108,7 @@ def fit_uncertainty(space, ask, f):
     return [np.stack([m[g] - now[g] for m in shifted], axis=1) @ root for g in range(len(space.groups))]
 
 
-def simulated(problem, space, predictions, directions, by, rng):
+def simulate_sets(problem, space, predictions, directions, by, rng):
     """({key: (sets, models) mean squares of held-out sets}, {key: (sets,) those of deviations between their repeats}).
 
     Of each set the last prediction is the truth's best fit.
@@ -132,7 +132,7 @@ def simulated(problem, space, predictions, directions, by, rng):
 
 
 def deviations(problem, space, by):
-    """{key: mean square of the repeats about their mean}, of the data as `simulated` has it of its sets."""
+    """{key: mean square of the repeats about their mean}, of the data as `simulate_sets` has it of its sets."""
     out, rows = {}, {}
     for group in space.groups:
         y = np.stack([np.asarray(problem.segment_features(k), float) for k in group.members])
@@ -155,7 +155,7 @@ def p_floor(square, sets, deviation, deviation_sets):
     return max(p, mean_square_p(square / deviation, sets / deviation_sets)) if deviation > 0 else p
 
 
-def scaled(sets):
+def scaled_chi2(sets):
     """(factor, dof) of the scaled chi2 with the mean and variance of simulated mean squares (Satterthwaite)."""
     dof = 2 * sets.mean() ** 2 / sets.var()
     return sets.mean() / dof, dof
@@ -165,7 +165,7 @@ def mean_square_p(square, sets):
     """Chance of a mean square as large, if the expected one were FLOOR_FACTOR^2 times that of the simulated sets."""
     if sets.min() == sets.max():
         return float(square <= FLOOR_FACTOR**2 * sets[0])
-    factor, dof = scaled(sets)
+    factor, dof = scaled_chi2(sets)
     return float(chi2_law.sf(square / FLOOR_FACTOR**2 / factor, dof))
 
 
@@ -176,7 +176,7 @@ def mean_draws(space, rng):
     for g, w in zip(space.groups, space.weights):
         mean = np.mean([problem.noise_draws(k, CHI2_SETS, rng) for k in g.members], axis=0)
         mean = mean + (prediction_sd * problem.noise_draws(g.members[0], CHI2_SETS, rng) if prediction_sd else 0.0)
-        parts.append(w * space.whitened(g.members[0], mean) / space.gain)
+        parts.append(w * space.whiten_rows(g.members[0], mean) / space.gain)
     return np.concatenate(parts)
 
 
@@ -231,7 +231,7 @@ def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, d
     pieces, floors, units = squares(view, space, view_predictions, by)
     rng, rows = np.random.default_rng([seed, 2]), {}
     directions = fit_uncertainty(space, ask, last) if declared and space.size else None
-    sets, deviation_sets = simulated(view, space, view_predictions, directions, by, rng) if directions else ({}, {})
+    sets, deviation_sets = simulate_sets(view, space, view_predictions, directions, by, rng) if directions else ({}, {})
     repeat_deviations = deviations(view, space, by)
     for key in pieces:
         rms, draws = bootstrap(pieces[key], rng)
@@ -312,6 +312,6 @@ def _limit(space, root, declared, noise, rng, observed):
     if noise:
         draws = noise.scale_octaves(space, draws, rng)
     z = draws + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
-    factor, dof = scaled((z**2).mean(axis=0))
+    factor, dof = scaled_chi2((z**2).mean(axis=0))
     factor *= _loudness(space, noise)
     return float(chi2_law.isf(REFUSED, dof) * factor), float(chi2_law.sf(observed / factor, dof))

@@ -68,7 +68,7 @@ def _direction_text(nuisances, vector, by):
     return f"the data do not fix {'' if single else 'the combination '}{combination} (in prior sd); {other}"
 
 
-def unseen(identifiability):
+def unseen_directions(identifiability):
     """Vectors (columns, in physical units of the nuisances) of the directions that the data do not fix."""
     vectors = [d.vector * identifiability.scale for d in identifiability.directions if d.fixed_by != "data"]
     return np.array(vectors).T if vectors else np.zeros((len(identifiability.scale), 0))

@@ -212,7 +212,7 @@ def calibrate(model, starts=2, seed=0, begin=None, progress=None):
     best = fit(model, begin or model.start())
     costs, rng = [best.cost], np.random.default_rng([seed, 1])
     spread = []
-    while len(costs) < starts or (1 < starts <= len(costs) < starts + 3 and _agreeing(costs, model) < 2):
+    while len(costs) < starts or (1 < starts <= len(costs) < starts + 3 and _count_agreeing(costs, model) < 2):
         wide = np.where(np.isfinite(model.sd), SPREAD * model.sd, np.inf)
         reach = REACH * best.sd[: len(model.sd)] if not best.failed else wide
         width = np.minimum(wide, reach)
@@ -228,7 +228,7 @@ def calibrate(model, starts=2, seed=0, begin=None, progress=None):
             best = other
         if progress:
             progress("calibrating", min(len(costs), starts), starts)
-    agreeing, unit = _agreeing(costs, model), misfit_unit(best)
+    agreeing, unit = _count_agreeing(costs, model), misfit_unit(best)
     converged = not best.failed and best.decrement < CONVERGED * unit and (agreeing >= 2 or starts == 1)
     certificate = {
         "converged": bool(converged),
@@ -251,6 +251,6 @@ def misfit_unit(best_fit):
     return max(1.0, best_fit.cost / max(best_fit.model.space.size, 1)) if np.isfinite(best_fit.cost) else 1.0
 
 
-def _agreeing(costs, model):
+def _count_agreeing(costs, model):
     width = AGREED * max(1.0, min(costs) / max(model.space.size, 1))
     return sum(cost <= min(costs) + width for cost in costs if np.isfinite(cost))

@@ -75,7 +75,7 @@ class Search:
         if self.progress:
             self.progress(f"refitting {' + '.join(names)}", 0, 1)
         new_fit = refit(self.candidates[start].fit, names, self.table)
-        why = new_fit.failed or _unseen(new_fit) or _unphysical(new_fit)
+        why = new_fit.failed or _unseen_reason(new_fit) or _unphysical_reason(new_fit)
         if why:
             self.failed[names] = why
             self.candidates.pop(names, None)
@@ -176,14 +176,14 @@ class Search:
         return [every[i].names for i in order], [float(p[i]) for i in order]
 
 
-def _unseen(fit):
+def _unseen_reason(fit):
     """Why a set is none whose laws' coefficients are known: ""."""
     n = len(fit.point.theta)
     names = evidence.blind(fit.covariance[n:, n:], fit.model.laws)
     return f"data do not see the plausible size of {', '.join(names)}" if names else ""
 
 
-def _unphysical(fit):
+def _unphysical_reason(fit):
     """Which coefficients physics forbids: ""."""
     coefficients = zip(fit.model.laws, fit.point.c, fit.sd[len(fit.point.theta) :])
     return "; ".join(why for law, c, sd in coefficients if (why := law.beyond(float(c), float(sd))))

@@ -24,7 +24,7 @@ def detection_limit(laws, level):
     return float(norm.isf(level / (2 * laws)) + norm.ppf(SURE))
 
 
-def _explained(cosines, size, minor):
+def _largest_r2(cosines, size, minor):
     """(laws,) largest R^2 of each law by sets of `size` others."""
     count = len(cosines)
     best = np.zeros(count)
@@ -45,7 +45,7 @@ def _explained(cosines, size, minor):
     return best
 
 
-def imitated(ranking, names, size, d, least, minor):
+def imitated_share(ranking, names, size, d, least, minor):
     """Share of the laws `names` that sets of `size` others imitate at d sigmas, of those that no smaller set does.
 
     least  `detection_limit`;   minor  smallest part of the largest law of a set, in sigmas
@@ -55,7 +55,7 @@ def imitated(ranking, names, size, d, least, minor):
     cosines = ranking.cosines[np.ix_(at, at)]
     free = np.ones(len(at), bool)
     for m in range(1, size + 1):
-        alike = d**2 * (1 - _explained(cosines, m, minor)) < least**2
+        alike = d**2 * (1 - _largest_r2(cosines, m, minor)) < least**2
         if m < size:
             free &= ~alike
     return float(np.mean(alike[free])) if free.any() else 0.0

@@ -66,7 +66,7 @@ def declared_draws(space, count, rng):
     """(rows, count) draws of the problem's noise, whitened: the law of a mean's residual if that noise is true."""
     ks = [g.members[0] for g in space.groups]
     return space.refine(
-        np.concatenate([space.whitened(k, space.problem.noise_draws(k, count, rng)) / space.gain for k in ks])
+        np.concatenate([space.whiten_rows(k, space.problem.noise_draws(k, count, rng)) / space.gain for k in ks])
     )
 
 

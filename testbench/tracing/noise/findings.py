@@ -48,7 +48,7 @@ def _p(band):
     return float(2 * t.sf(abs(band.ratio) / band.sd, band.dof))
 
 
-def _merged(a, b):
+def _merge_bands(a, b):
     weight = np.array([a.sd, b.sd]) ** -2.0
     ratio = float(weight @ [a.ratio, b.ratio] / weight.sum())
     return Band(ratio, float(weight.sum() ** -0.5), a.dof + b.dof, a.first, b.last)
@@ -61,7 +61,7 @@ def band_findings(channel, bands, spans, tests, alpha):
         if _p(band) * tests >= alpha or abs(band.ratio) < np.log(LEAST):
             continue
         adjacent = merged and merged[-1].last + 1 == band.first and merged[-1].ratio * band.ratio > 0
-        merged[-1:] = [_merged(merged[-1], band)] if adjacent else [*merged[-1:], band]
+        merged[-1:] = [_merge_bands(merged[-1], band)] if adjacent else [*merged[-1:], band]
     out = []
     for band in merged:
         half = t.ppf((1 + LEVEL) / 2, band.dof) * band.sd

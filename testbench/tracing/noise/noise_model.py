@@ -73,7 +73,7 @@ class Noise(NamedTuple):
 
     def refined_draws(self, space, count, rng):
         """(rows, count) draws of a residual in refined units: t-distributed per octave."""
-        return self.refined().scale_octaves(space, rng.normal(size=(space.size, count)), rng)
+        return self.unit_noise().scale_octaves(space, rng.normal(size=(space.size, count)), rng)
 
     def scale_octaves(self, space, draws, rng):
         """Draws (rows, count) of unit variance, each with octaves as loud as they may be for all that repeats tell."""
@@ -83,7 +83,7 @@ class Noise(NamedTuple):
         plain = np.ones(count)
         return multiply(parts, draws, lambda stack: self._rows(stack, scale, plain))
 
-    def refined(self):
+    def unit_noise(self):
         """The same in units of itself: of a space that it has whitened again."""
         return self._replace(octaves=tuple(o._replace(f=1.0) for o in self.octaves))
 

@@ -56,13 +56,13 @@ class Power:
             return declared_draws(self.space, count, self.rng)
         return self.noise.refined_draws(self.space, count, self.rng)
 
-    def _projected(self, noise):
+    def _project_draws(self, noise):
         """TRIALS draws as a fit leaves them, priors drawn too."""
         return self.projection.project_all(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
 
     def smallest(self):
         """{law: {d, value, unit}}: effects that this record would have shown with 90 %."""
-        draws, looked = self._projected(self._draw(TRIALS)), self.alarms.statistics.names
+        draws, looked = self._project_draws(self._draw(TRIALS)), self.alarms.statistics.names
         out = {}
         for label, ranking in self.alarm_rankings.items():
             null = np.sort(self.alarms.reference[looked.index(label)]) if label in looked else None
@@ -88,7 +88,7 @@ class Power:
         signal = ranking.signatures[:, ranking.index(name)] * smallest[name]["value"]
         side = -1.0 if self.laws[name].sign < 0 else 1.0
         noise = self._draw(TRIALS) + side * signal[:, None]
-        statistics = self.alarms.statistics.evaluate(self._projected(noise))
+        statistics = self.alarms.statistics.evaluate(self._project_draws(noise))
         rang = int(np.sum(smallest_p(self.alarms.reference, statistics) <= self.crit))
         return {"law": name, "trials": TRIALS, "rang": rang, "ci": clopper_pearson(rang, TRIALS)}
 

@@ -71,7 +71,7 @@ class Model:
             fixed.append(prescribed)
         return np.array(out), np.array(fixed, bool)
 
-    def shifted(self, point, column, step):
+    def shift_point(self, point, column, step):
         theta, c = point.theta.copy(), point.c.copy()
         if column < len(theta):
             theta[column] += step
@@ -86,7 +86,7 @@ class Model:
             self.space,
             self.predictor,
             prediction,
-            lambda j, step: ((s := self.shifted(point, j, step)).theta, self.effects(s)),
+            lambda j, step: ((s := self.shift_point(point, j, step)).theta, self.effects(s)),
             steps,
             fixed,
         )

@@ -73,13 +73,13 @@ class Space:
         self.groups, self.blocks, self.contrasts, self._means, start = [], [], [], [], 0
         for name, ks in members.items():
             y = np.stack([np.asarray(problem.segment_features(k), float) for k in ks])
-            mean = self.whitened(ks[0], y.mean(axis=0))
+            mean = self.whiten_rows(ks[0], y.mean(axis=0))
             rows = slice(start, start + len(mean))
             self.blocks += _group_blocks(problem, ks[0], len(mean), len(self.groups), start)
             self.groups.append(Group(name, dict(problem.segments[ks[0]].condition), tuple(ks), rows))
             self._means.append(y.mean(axis=0))
             if len(ks) > 1:
-                self.contrasts.append(self.whitened(ks[0], (helmert(len(ks)) @ y).T).T)
+                self.contrasts.append(self.whiten_rows(ks[0], (helmert(len(ks)) @ y).T).T)
             else:
                 self.contrasts.append(np.zeros((0, len(mean))))
             start = rows.stop
@@ -90,7 +90,7 @@ class Space:
         if noise is not None and noise.octaves:
             self.refine, self.declared = noise.whitener(self), noise.whitener(self, 0.5)
 
-    def whitened(self, k, v):
+    def whiten_rows(self, k, v):
         """Whitened by the declared noise of segment k; what is not finite is refused."""
         w = np.asarray(self.problem.whiten(k, v), float) * self.gain
         if not np.all(np.isfinite(w)):
@@ -105,6 +105,7 @@ class Space:
     def whitened_change(self, prediction, other):
         """Stacked whitened difference prediction - other: a column of a Jacobian before division."""
         parts = [
-            w * self.whitened(g.members[0], a - b) for g, w, a, b in zip(self.groups, self.weights, prediction, other)
+            w * self.whiten_rows(g.members[0], a - b)
+            for g, w, a, b in zip(self.groups, self.weights, prediction, other)
         ]
         return self.refine(np.concatenate(parts)) if parts else np.zeros(0)

@@ -345,7 +345,7 @@ def test_columns_of_the_basis_are_eigenvectors_of_the_tick_of_every_board(board)
 @hot
 def _there_and_back(u, p, now, m, cos, sin, z, out):
     averaged_modes.set_tables(u.knots, p.temp_lo_degc, p.temp_step_k, now, 0.5, 1e-4, 25.3)
-    averaged_modes.projected(now, m, cos, sin, z[0], z[1], z[2], z[3])
+    averaged_modes.project_modes(now, m, cos, sin, z[0], z[1], z[2], z[3])
     averaged_modes.motion(now, m, cos, sin, out, 0)
 
 

@@ -86,7 +86,7 @@ def test_the_output_is_odd_and_its_delay_even_in_dc():
     plus, minus = (ring_cycle.steady_state(p, s * FULL_F) for s in (1, -1))
     assert minus.volts == pytest.approx(-plus.volts, rel=1e-9)
     assert minus.volts_per_f == pytest.approx(plus.volts_per_f, rel=1e-6)
-    assert minus.lag_v_s_per_f == pytest.approx(plus.lag_v_s_per_f, rel=1e-6)
+    assert minus.slope_v_s_per_f == pytest.approx(plus.slope_v_s_per_f, rel=1e-6)
     near = [ring_cycle.steady_state(p, FULL_F + d).volts for d in (-1e-14, 1e-14)]
     assert plus.volts_per_f == pytest.approx((near[1] - near[0]) / 2e-14, rel=1e-3)
 
@@ -100,8 +100,8 @@ def test_steps_and_start_of_the_integration_are_not_seen():
         for other, rel in ((fine, 2e-6), (p._replace(start_v=p.start_v - 2 * p.nvt_v), 1e-4)):
             got = ring_cycle.steady_state(other, dc_f)
             assert got.volts == pytest.approx(want.volts, rel=rel)
-            small = ring_cycle.steady_state(other, 0.0).lag_v_s_per_f
-            assert got.lag_v_s_per_f == pytest.approx(want.lag_v_s_per_f, abs=1e-4 * small)
+            small = ring_cycle.steady_state(other, 0.0).slope_v_s_per_f
+            assert got.slope_v_s_per_f == pytest.approx(want.slope_v_s_per_f, abs=1e-4 * small)
 
 
 def test_a_sine_is_the_sum_over_its_points():

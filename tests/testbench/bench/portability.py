@@ -36,7 +36,7 @@ import numpy as np
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench.machine import cpu, versions
 from testbench.config import Config, Scenario, changed
-from testbench.console.markdown import ROOT, markdown, replaced
+from testbench.console.markdown import ROOT, markdown, replace_part
 from testbench.console.text_table import Table
 from testbench.run.simulation import Simulation
 from testbench.storage.files import write_text
@@ -446,7 +446,7 @@ def main(given=None):
     written = ["build/portability.json"]
     if options.page:
         page = ROOT / "docs" / "portability.md"
-        write_text(page, replaced(page.read_text(), "portability", page_part(result)))
+        write_text(page, replace_part(page.read_text(), "portability", page_part(result)))
         written.append("docs/portability.md")
     print(f"written: {', '.join(written)}")
     return 1 if result["problems"] else 0

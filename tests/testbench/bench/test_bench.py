@@ -30,7 +30,7 @@ def locked():
 
 def test_clocked_engine(benchmark, locked):
     before = locked.sim.tick
-    benchmark(locked.clocked)
+    benchmark(locked.run_clocked)
     assert (locked.sim.tick - before) % TICKS == 0
     assert locked.sim.tick > before
     assert locked.sim.locked
@@ -174,8 +174,8 @@ def test_the_tables_are_the_measurement():
     assert "takes 0.100 s of CPU." in part
     assert "not measured" in measure_speed.speed_part(RESULT | {"peak_pairs_per_s": None})
     page = "before\n<!-- speed: written by testbench.bench -->\nold\n<!-- end -->\nafter"
-    once = markdown.replaced(page, "speed", part)
-    assert markdown.replaced(once, "speed", part) == once
+    once = markdown.replace_part(page, "speed", part)
+    assert markdown.replace_part(once, "speed", part) == once
     assert once.startswith("before\n")
     assert once.endswith("<!-- end -->\nafter")
 

@@ -270,8 +270,8 @@ def test_the_tables_are_the_measurement():
     assert "| B | interpreted | | | aaaaaaaa | |" in part
     assert part.endswith("All hashes equal, and so is every register and every double of the state at each mark.")
     page = "before\n<!-- portability: written by tests.testbench.bench.portability -->\nold\n<!-- end -->\nafter"
-    once = markdown.replaced(page, "portability", part)
-    assert markdown.replaced(once, "portability", part) == once
+    once = markdown.replace_part(page, "portability", part)
+    assert markdown.replace_part(once, "portability", part) == once
 
 
 def test_a_failed_run_shows():

@@ -22,7 +22,7 @@ def test_the_port_writes_the_value_at_the_first_clock_of_a_tick(register):
     for raw in (register.fmt.lo, register.fmt.hi, 1):
         bits = spi_host.text(0, 8 * register.address, words_of(register, raw))
         assert "".join(map(str, host_frames.write_bits(register, raw))) == bits
-        found = host_frames.written(DEFAULT, register, raw)
+        found = host_frames.encode_write(DEFAULT, register, raw)
         assert (found.address, found.data) == (register.address, raw % 2**register.fmt.width)
         begin = int(found.pins[:, 0].argmin())
         end = begin + host_frames.LEAD_CLOCKS + 5 * len(bits)
@@ -40,7 +40,7 @@ def simulation(**scenario):
 def test_a_write_over_the_pins_acts_as_one_on_the_bus_at_its_tick():
     """The same codes and registers, when both come to the bank at the same clock."""
     found, value = [], 0x0123_4567_89AB
-    ticks = host_frames.written(DEFAULT, registers.BY_NAME["phase_sense_ref"], value).ticks
+    ticks = host_frames.encode_write(DEFAULT, registers.BY_NAME["phase_sense_ref"], value).ticks
     for way, waits in (("spi", 0), ("bus", ticks)):
         sim = simulation(host=way)
         sim.now = (0.1, 25.0)

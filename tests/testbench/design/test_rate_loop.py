@@ -78,6 +78,6 @@ def test_a_corner_of_the_tolerances_counts():
     for split in (0.9, 1.1):
         for sid in (1 / 0.9, 1 / 1.1):
             for factor in rate_loop_design.gain_factors(tolerances):
-                q = advisor.varied(p, split_hz=p.split_hz * split, sid_hz=p.sid_hz * sid, crossover=factor)
+                q = advisor.vary_parameters(p, split_hz=p.split_hz * split, sid_hz=p.sid_hz * sid, crossover=factor)
                 least = min(least, float(np.min(np.abs(1 + lp.return_ratio(q, b.corners[0][0].hz)))))
     assert rate_loop_design.worst_modulus(met) == pytest.approx(least, rel=0.05)

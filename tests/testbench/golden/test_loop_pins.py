@@ -446,7 +446,7 @@ def test_data_counts_where_a_dac_reads_it():
         row[library.NAMES.index("sense_sync_n")], row[library.NAMES.index("sense_sclk_en")] = 1 - selected, running
         other = row.copy()
         other[place] = 1
-        assert design.differing(row, other) == ([place] if selected and running else [])
+        assert design.signal_differences(row, other) == ([place] if selected and running else [])
 
 
 def last_values(path):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.console.markdown import replaced
+from testbench.console.markdown import replace_part
 from testbench.measured.closed_loop import loop_runs
 from testbench.storage.files import write_text
 from testbench.tracing.noise.power import clopper_pearson
@@ -128,7 +128,7 @@ def main(argv=None):
         print(kind, seed, row["truth"], row["verdict"], row["found"], "right" if row["right"] else "WRONG", flush=True)
     print(table(done))
     if given.page:
-        write_text(given.page, replaced(given.page.read_text(), "trials", table(done)))
+        write_text(given.page, replace_part(given.page.read_text(), "trials", table(done)))
 
 
 if __name__ == "__main__":

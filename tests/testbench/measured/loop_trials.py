@@ -141,7 +141,7 @@ class Left:
 
     def _stacked(self, change):
         groups = zip(self.space.groups, self.space.weights)
-        return np.concatenate([w * self.space.whitened(g.members[0], change[g.name]) for g, w in groups])
+        return np.concatenate([w * self.space.whiten_rows(g.members[0], change[g.name]) for g, w in groups])
 
     def rest(self, change):
         """{condition: change} less what the nuisances take, whitened, with the priors' rows."""

@@ -106,7 +106,7 @@ def main(source, target):
         # a window at once has the closed forms of these two, not their steps
         at_once = name not in PLANTS or PLANTS[name][0] not in (cordic, isqrt)
         with planted(name) if name in PLANTS else contextlib.nullcontext():
-            replay.run(p, firmware_residual.started(data["initial"].tolist()), x, o, replay.order(p), at_once)
+            replay.run(p, firmware_residual.initial_side(data["initial"].tolist()), x, o, replay.order(p), at_once)
         out[name] = o.words
     np.savez(target, **out)
 

@@ -77,7 +77,7 @@ def found(small):
 
 def test_planted_values_are_found_within_their_uncertainty(found):
     truth, result = found
-    assert result.converged
+    assert result.is_converged
     for key in ("plant.qx", "plant.kxy_n_per_m"):
         # 30 codes of noise on a channel of about 1.5e6, over two repeats of 400 frames
         sd = 30 / 1.5e6 / np.sqrt(800)
@@ -114,7 +114,7 @@ def test_the_calibrated_model_leaves_the_noise_on_what_it_has_not_fitted(found):
 def test_a_fit_that_may_not_step_is_not_called_converged(small, monkeypatch):
     monkeypatch.setattr(calibrate_residual, "MOST_ITERATIONS", 1)
     record = recorded(small, {"qx": PLANT.qx * 1.02}, THREE)
-    assert not calibrate_residual.calibrate(record, starts=1, engine=Toy()).converged
+    assert not calibrate_residual.calibrate(record, starts=1, engine=Toy()).is_converged
 
 
 def test_a_value_at_its_limit_is_named(small, monkeypatch):
@@ -122,7 +122,7 @@ def test_a_value_at_its_limit_is_named(small, monkeypatch):
     monkeypatch.setitem(parameters.LIMITS, "plant.qx", field._replace(hi=PLANT.qx * 1.0001))
     record = recorded(small, {"qx": PLANT.qx * 1.02}, THREE)
     result = calibrate_residual.calibrate(record, starts=1, engine=Toy())
-    assert not result.converged
+    assert not result.is_converged
 
 
 @pytest.mark.parametrize(

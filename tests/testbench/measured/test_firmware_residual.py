@@ -218,7 +218,7 @@ def test_a_changed_parameter_is_found_and_named(middle, name):
     change, wanted = CHANGED[name]
     p = change(build.firmware(Config()))
     x, o = stimulus(middle, sessions(middle)[0]), replay.rows(FRAMES)
-    initial = firmware_residual.started(middle.tables["initial"]["raw"].data.tolist())
+    initial = firmware_residual.initial_side(middle.tables["initial"]["raw"].data.tolist())
     replay.run(p, initial, x, o, replay.order(p), True)
     blamed(middle, o.words, wanted)
 
@@ -228,7 +228,7 @@ def test_a_gain_one_lsb_off_is_found_where_integrators_are_recorded(middle, word
     """6e-8 of a word LSB per LSB of error: the integrator shows it at once."""
     p = _lsb(build.firmware(Config()), name)
     x, o = stimulus(middle, sessions(middle)[0]), replay.rows(FRAMES)
-    initial = firmware_residual.started(middle.tables["initial"]["raw"].data.tolist())
+    initial = firmware_residual.initial_side(middle.tables["initial"]["raw"].data.tolist())
     replay.run(p, initial, x, o, replay.order(p), True)
     late = firmware_residual.residual(worded(middle, o.words)).first
     assert late is None or late.tick > 10 * 125, "only the wide frequency word shows it within 20 ms, after a while"
@@ -277,11 +277,11 @@ def test_physics_is_blocked_until_overridden_in_writing(middle, tmp_path, own):
     own.streams["adc_xQ"] = own.streams["adc_xQ"]._replace(data=codes)
     write_record(tmp_path / "a.h5", own)
     loaded = load_record.load(tmp_path / "a.h5")
-    assert loaded.blocked
+    assert loaded.is_blocked
     (finding,) = loaded.findings
     assert str(finding).startswith("R16 /streams/magnitude expected 0 LSB, found control.cordic.magnitude at tick 750")
     own.attrs[load_record.OVERRIDE] = "probe touched the pin; J. Doe"
     write_record(tmp_path / "a.h5", own)
     loaded = load_record.load(tmp_path / "a.h5")
-    assert not loaded.blocked
+    assert not loaded.is_blocked
     assert "overridden: probe touched the pin; J. Doe" in str(loaded.findings[0])

@@ -15,7 +15,7 @@ def test_the_record_of_a_run_replays(tmp_path):
     loaded = load_record.load(tmp_path / "run.h5")
     assert loaded.residual.decidable
     assert loaded.residual.first is None
-    assert not loaded.blocked
+    assert not loaded.is_blocked
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def _trace(monkeypatch, problem, arrived):
         def decide(self):
             return None
 
-        def arrived(self):
+        def final_estimate(self):
             return self.where, {"law": 1.0}
 
         def conclude(self):

@@ -209,7 +209,7 @@ def test_another_register_map_is_a_downgrade_and_r0_is_skipped_by_name(own, tmp_
     assert (finding.rule, finding.level) == ("R11", schema.DOWNGRADED)
     assert "R0 and R2 are skipped" in finding.text
     assert loaded.residual.verdict.startswith("R0 not decidable: skipped, regmap_sha256 0000000000000000 is not")
-    assert not loaded.blocked
+    assert not loaded.is_blocked
 
 
 def test_a_record_of_the_first_version_of_the_map_is_replayed(own, tmp_path):

@@ -13,7 +13,13 @@ from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
 from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
 from testbench.measured.closed_loop.loop_noise import JITTER
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import SYMMETRIES, corrected, identifiability_lines, tied, weak
+from testbench.measured.closed_loop.loop_symmetries import (
+    SYMMETRIES,
+    active_symmetries,
+    correct_columns,
+    identifiability_lines,
+    weak,
+)
 from testbench.measured.record.recording_plan import Condition
 from testbench.measured.residual.parameters import Parameter
 from testbench.measured.wide import data_sheet, estimate
@@ -200,14 +206,14 @@ def test_a_direction_in_which_large_columns_cancel_has_the_change_that_is_measur
     ((direction, step),) = weak(made)
     assert abs(direction @ [1, -1, 0]) == pytest.approx(math.sqrt(2), rel=0.01)
     assert step == pytest.approx(min(30 / np.linalg.norm(made @ direction), 0.5))
-    better, apart = corrected(made, [direction], [true @ direction]), np.array([1.0, -1.0, 0.0])
+    better, apart = correct_columns(made, [direction], [true @ direction]), np.array([1.0, -1.0, 0.0])
 
     wrong, left = (
         np.linalg.norm((columns - true) @ apart) / np.linalg.norm(true @ apart) for columns in (made, better)
     )
     assert wrong > 1.0
     assert left < 0.2
-    assert corrected(made, [], []) is made
+    assert correct_columns(made, [], []) is made
     assert not weak(np.eye(3))
 
 
@@ -394,7 +400,7 @@ def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals
     assert "dcdy_f_per_m / dcdx_f_per_m = 2 +- 0.00028" in told[0]
     assert "k_vf_sense_n_per_v * dcdx_f_per_m = 4e-14 +- 5.7e-18" in told[0]
     assert "mass" in told[1]
-    assert not tied(keys[:3])
+    assert not active_symmetries(keys[:3])
     assert identifiability_lines(keys[:3], theta[:3], np.eye(3)) == ()
 
 

@@ -20,7 +20,7 @@ from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_noise, loop_problem, loop_runs, loop_trace
 from testbench.measured.closed_loop.loop_runs import EXACT, Model, Run
-from testbench.measured.closed_loop.loop_symmetries import tied
+from testbench.measured.closed_loop.loop_symmetries import active_symmetries
 from testbench.measured.record.recording_plan import Condition
 from testbench.measured.wide import data_sheet, estimate
 from testbench.tracing.trace import Options
@@ -111,7 +111,7 @@ def _off(p, theta, truth):
 def products(keys, values, covariance, truth):
     """{words: sds from the truth} of what symmetries leave of the keys that they tie."""
     out, found = {}, dict(zip(keys, values))
-    for symmetry in tied(keys).values():
+    for symmetry in active_symmetries(keys).values():
         true = symmetry.invariants(truth)
         for (words, value, slopes), (_, wanted, _) in zip(symmetry.invariants(found), true):
             slope = np.array([slopes.get(key, 0.0) for key in keys])
@@ -121,7 +121,7 @@ def products(keys, values, covariance, truth):
 
 def identifiable(off, told):
     """`off` without the keys that a symmetry ties, and their products in place of them."""
-    hidden = {key for s in tied(list(off)).values() for key in (s.dependent_key, *s.partners)}
+    hidden = {key for s in active_symmetries(list(off)).values() for key in (s.dependent_key, *s.partners)}
     return {key: x for key, x in off.items() if key not in hidden} | told
 
 

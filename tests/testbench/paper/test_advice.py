@@ -58,7 +58,7 @@ def test_quantised_loops_follow_the_linear_ones_and_rest_within_the_dead_band():
     """From the linear rest a rate step of 0.1 deg/s: the word arrives within the dead band, then nothing moves."""
     frames = 16_000
     rate = np.where(np.arange(frames) < 4000, 0.0, 0.1)
-    run = limit_cycles.quantised(CONFIG, rate, frames * DEFAULT.frame_s)
+    run = limit_cycles.simulate_hunt(CONFIG, rate, frames * DEFAULT.frame_s)
     assert np.ptp(run.word[:4000]) == 0
     late = run.word[-2000:]
     moved = (late.mean() - run.word[0]) / (advisor.dc_gain(lp.close(DEFAULT)) * lp.DEG)
@@ -68,11 +68,11 @@ def test_quantised_loops_follow_the_linear_ones_and_rest_within_the_dead_band():
 
 def test_a_finer_converter_lets_v_q_hunt():
     """With steps of one code the error of one V_q code is seen: the integrator goes to and fro between two codes."""
-    run = limit_cycles.quantised(CONFIG, 0.0, 2.0, p=DEFAULT._replace(step_code=1.0))
+    run = limit_cycles.simulate_hunt(CONFIG, 0.0, 2.0, p=DEFAULT._replace(step_code=1.0))
     late = run.quadrature_code[-8000:]
     assert np.ptp(late) == 1
     assert np.count_nonzero(np.diff(late)) >= 4
-    coarse = limit_cycles.quantised(CONFIG, 0.0, 2.0)
+    coarse = limit_cycles.simulate_hunt(CONFIG, 0.0, 2.0)
     assert np.ptp(coarse.quadrature_code[-8000:]) == 0
 
 
@@ -80,7 +80,7 @@ def test_noise_of_five_steps_removes_the_dead_band():
     """Means of the word follow a rate far below the dead band."""
     dither = limit_cycles.resolution(DEFAULT).code_noise
     words = [
-        limit_cycles.quantised(CONFIG, rate, 6.0, code_noise=dither).word[-32_000:].mean() for rate in (0.0, 0.002)
+        limit_cycles.simulate_hunt(CONFIG, rate, 6.0, code_noise=dither).word[-32_000:].mean() for rate in (0.0, 0.002)
     ]
     assert words[1] - words[0] == pytest.approx(0.002 * 8794, rel=0.2)
 
@@ -126,10 +126,10 @@ def test_the_analysis_knows_the_notch_of_the_firmware():
 def test_a_notch_is_one_at_rest_and_refuses_nonsense():
     n = notch_loop.design(139.0, 20.0)
     assert abs(notch_loop.gain(n, 0.001)[0]) == pytest.approx(1.0, abs=1e-9)
-    assert notch_loop.applied(n, np.full(50, 7.0)).tolist() == pytest.approx([7.0] * 50)
+    assert notch_loop.apply_notch(n, np.full(50, 7.0)).tolist() == pytest.approx([7.0] * 50)
     with pytest.raises(ValueError, match="notch_width_hz: 200 Hz is outside"):
         notch_loop.design(139.0, 200.0)
-    assert notch_loop.effect(advisor.varied(DEFAULT, sid_hz=400.0)) is None
+    assert notch_loop.effect(advisor.vary_parameters(DEFAULT, sid_hz=400.0)) is None
 
 
 # ---- growth ----------------------------------------------------------------------------------------------------------

@@ -190,7 +190,7 @@ def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
     """Rows at the optimum of the true mode are within the noise they were drawn with."""
     z, mode, rng = simulated_boards.board(2, 0)
     (paper,) = likelihood.draw_papers(z, mode, rng)
-    data = likelihood.compared(paper)
+    data = likelihood.comparison_data(paper)
     found = infer.optimum(data)
     post = infer.posterior(data, rng, 200)
     assert post.size > 40

@@ -35,7 +35,7 @@ def found():
 
 
 def test_the_board_is_the_optimum_of_the_paper(found):
-    data = likelihood.compared(likelihood.the_paper())
+    data = likelihood.comparison_data(likelihood.the_paper())
     best = infer.optimum(data)
     z, mode, covariance = inference_study.best_board(data, best)
     assert mode == found["board"]["mode"]
@@ -141,7 +141,7 @@ def test_a_drawn_board_runs_as_the_closed_form_says(number):
         rows_read = bench.record(8.0)
         words[rate] = rows_read.hann("rate_word")
     volts = (rows_read.mean("quadrature_code") + 0.5) / 2**16 * checked.plant.quad_dac_span_v
-    quiet = [measure_allan.averaged(bench.record(20.0)["rate_word"].astype(float)) for _ in range(5)]
+    quiet = [measure_allan.average_rows(bench.record(20.0)["rate_word"].astype(float)) for _ in range(5)]
     seen = forward.compute_rows(z, mode, (1,))
     lsb = (words[20.0] - words[-20.0]) / 40
     allan = measure_allan.analyse(np.concatenate(quiet) / lsb, measure_allan.BASE_FRAMES * bench.frame_s)

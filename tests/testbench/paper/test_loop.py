@@ -137,7 +137,7 @@ def test_a_margin_is_where_the_loop_becomes_unstable():
 
 
 def edge_hz(ye1_deg, ye2_deg):
-    return advisor.bandwidth(lp.close(advisor.turned(DEFAULT, ye1_deg, ye2_deg)))[0]
+    return advisor.bandwidth(lp.close(advisor.set_phases(DEFAULT, ye1_deg, ye2_deg)))[0]
 
 
 def test_bandwidth_over_the_sense_phases():
@@ -155,9 +155,9 @@ def test_bandwidth_over_the_sense_phases():
     assert 0.4 < at_nine < 0.6
     # two thirds of it are loop gain, which goes with cos(ye1 + ye2'): 1 % of gain is 0.21 Hz
     gain = math.cos(math.radians(9 + 1.26)) / math.cos(math.radians(1.26))
-    straight = advisor.turned(DEFAULT, 0, 1.26)
+    straight = advisor.set_phases(DEFAULT, 0, 1.26)
     slower, by_one_percent = (
-        advisor.bandwidth(lp.close(advisor.varied(straight, crossover=g)))[0] for g in (gain, 0.99)
+        advisor.bandwidth(lp.close(advisor.vary_parameters(straight, crossover=g)))[0] for g in (gain, 0.99)
     )
     assert base - by_one_percent == pytest.approx(0.21, abs=0.01)
     assert base - slower == pytest.approx(at_nine * 2 / 3, rel=0.15)
@@ -207,15 +207,15 @@ def test_a_plain_low_pass_is_unstable_with_any_gain():
 )
 def test_sid_corners_of_the_stability_map(f3_hz, stable):
     """A SID corner above the split's lag makes the loop unstable."""
-    assert (lp.radius(lp.close(advisor.varied(DEFAULT, sid_hz=float(f3_hz)))) < 1) is stable
+    assert (lp.radius(lp.close(advisor.vary_parameters(DEFAULT, sid_hz=float(f3_hz)))) < 1) is stable
 
 
 @pytest.mark.parametrize(
     ("split_hz", "f3_hz", "stable"), [(40, 50, False), (120, 50, True), (400, 50, True), (60, 80, False)]
 )
 def test_splits_of_the_stability_map(split_hz, f3_hz, stable):
-    p = advisor.retuned(DEFAULT, float(split_hz))
-    assert (lp.radius(lp.close(advisor.varied(p, sid_hz=float(f3_hz)))) < 1) is stable
+    p = advisor.retune_split(DEFAULT, float(split_hz))
+    assert (lp.radius(lp.close(advisor.vary_parameters(p, sid_hz=float(f3_hz)))) < 1) is stable
 
 
 def test_a_map_marks_what_is_unstable():
@@ -223,11 +223,11 @@ def test_a_map_marks_what_is_unstable():
     assert np.isfinite(m.peak_db).tolist() == [[False, False], [True, False]]
     assert m.peak_db[1, 0] == pytest.approx(advisor.analyse(DEFAULT).peak_db, abs=0.2)
     with pytest.raises(ValueError, match="none of"):
-        advisor.varied(DEFAULT, sid=50.0)
+        advisor.vary_parameters(DEFAULT, sid=50.0)
 
 
 def test_warnings_name_number_and_limit():
-    weak = advisor.advise(advisor.varied(DEFAULT, crossover=3.0))
+    weak = advisor.advise(advisor.vary_parameters(DEFAULT, crossover=3.0))
     assert any(w.startswith("gain margin") and "6 dB" in w for w in weak.warnings)
     assert any(w.startswith("closed-loop peak") for w in weak.warnings)
     quiet = advisor.advise(DEFAULT._replace(ye1_rad=0.01))

@@ -80,7 +80,7 @@ def test_rest_scale_factor_and_step(runs):
     np.testing.assert_allclose(np.interp(want_s, time_s, course), want, atol=2e-3)
     ring = notch_loop.ring_share(time_s, course)
     assert ring == pytest.approx(notch_loop.ring_share(want_s, want), rel=0.05)
-    behind = notch_loop.applied(notch_loop.design(a.ring_hz, 20.0), course)
+    behind = notch_loop.apply_notch(notch_loop.design(a.ring_hz, 20.0), course)
     assert notch_loop.ring_share(time_s, behind) < 0.15 * ring
 
 
@@ -104,7 +104,7 @@ def test_a_force_below_a_step_of_a_short_dac_is_what_rounding_makes_of_it():
     rate_dps = 0.8 * rest.dac_lsb_dps - a.bias_dps
     (run,) = confirm.run_profiles([config], [np.full(round(3.0 * FRAME_HZ), rate_dps)])
     word = run.columns["rate_word"][-4000:].mean()
-    hunted = limit_cycles.quantised(config, rate_dps, 3.0, p=p).word[-4000:].mean()
+    hunted = limit_cycles.simulate_hunt(config, rate_dps, 3.0, p=p).word[-4000:].mean()
     band = rest.adc_dead_band_dps * a.lsb_per_dps
     for found in (word, hunted):
         assert limit_cycles.force_amplitude(found, 256) == pytest.approx(0.8 * 256, abs=1.1 * band)

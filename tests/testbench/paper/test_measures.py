@@ -76,7 +76,7 @@ def test_allan_deviation_equals_allantools():
     rate = rng.normal(size=6000) + 0.05 * np.cumsum(rng.normal(size=6000)) / 10
     for m in (1, 2, 7, 64, 500):
         (_, want, _, _) = allantools.oadev(rate, rate=1.0, data_type="freq", taus=[m])
-        assert measure_allan.overlapping(rate, m) == pytest.approx(want[0], rel=1e-9)
+        assert measure_allan.overlapping_deviation(rate, m) == pytest.approx(want[0], rel=1e-9)
 
 
 def test_allan_fit_of_what_is_neither_white_nor_flicker():
@@ -120,7 +120,7 @@ def test_bandwidth_of_a_pole():
                 y = a * y + (1 - a) * rate_dps[k] * 8651.0
             return {"rate_word": out}
 
-    for measure, accuracy in ((measure_bandwidth.multisine, 0.02), (measure_bandwidth.swept, 0.4)):
+    for measure, accuracy in ((measure_bandwidth.multisine, 0.02), (measure_bandwidth.sweep_response, 0.4)):
         found = measure(Bench(), 8651.0)
         assert found.bandwidth_hz == pytest.approx(26.0, abs=accuracy), measure.__name__
     lines = measure_bandwidth.multisine(Bench(), 8651.0)

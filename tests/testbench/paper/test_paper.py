@@ -102,7 +102,7 @@ def test_where_edges_slide_on_their_grid_the_stamps_say_so():
     truth = Judge(bench).residuals().deg
     turned = calibrate_phases.TurnedReading(bench)
     turned.to(55.0)
-    rows = bench.stamped(3.0)
+    rows = bench.record_stamps(3.0)
     assert calibrate_phases.pin_delay(bench, rows, np.ones(len(rows))).deg > 0.05
     turned.to(0.0)
     found = calibrate_phases.detune(bench, (55.0, 50.0))

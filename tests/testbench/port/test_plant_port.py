@@ -319,7 +319,7 @@ def test_an_interrupted_run_goes_on_to_the_same_codes_with_its_plant_named_again
 
 
 def test_a_plant_that_was_replaced_behind_its_compilation_is_refused(monkeypatch):
-    monkeypatch.setattr(bound, "replaced", lambda: ["analog_frontend.top.block"])
+    monkeypatch.setattr(bound, "outdated_functions", lambda: ["analog_frontend.top.block"])
     with pytest.raises(RuntimeError, match=r"analog_frontend\.top\.block was compiled before something that it calls"):
         Simulation(quiet(), 25.0, 25.0)
 

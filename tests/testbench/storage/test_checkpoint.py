@@ -355,7 +355,7 @@ def test_one_bit_flipped_in_any_file_of_an_unfinished_run_is_refused_or_without_
 
 def reading(folder):
     """`simulate.Run` as it continues in a folder."""
-    partial = checkpoint.unfinished(folder)
+    partial = checkpoint.open_partial(folder)
     try:
         return simulate.Run(config.load(partial.config), partial, resume=True)
     finally:

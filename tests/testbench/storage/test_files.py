@@ -34,7 +34,7 @@ NAMES = ("a.txt", "b.txt", "sub/c.txt")
 
 def write(kind, content, folder, pause_s=0.0):
     if kind == "folder":
-        with files.replacing_folder(folder / "set", "a.txt") as new:
+        with files.replace_folder(folder / "set", "a.txt") as new:
             (new / "sub").mkdir()
             for name in NAMES:
                 time.sleep(pause_s)
@@ -160,7 +160,7 @@ def test_when_the_process_that_renames_is_killed_this_one_goes_on(tmp_path, monk
 def test_where_folders_cannot_be_exchanged_the_old_one_is_renamed_away(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "_exchange", lambda *_: False)
     for text in ("old", "new"):
-        with files.replacing_folder(tmp_path / "set", "a.txt") as new:
+        with files.replace_folder(tmp_path / "set", "a.txt") as new:
             (new / "a.txt").write_text(text)
     assert (tmp_path / "set" / "a.txt").read_text() == "new"
     assert [p.name for p in tmp_path.iterdir()] == ["set"]
@@ -180,7 +180,7 @@ def test_a_failure_leaves_the_old_set(tmp_path, kind):
 
     def fail():
         if kind == "folder":
-            with files.replacing_folder(tmp_path / "set", "a.txt") as new:
+            with files.replace_folder(tmp_path / "set", "a.txt") as new:
                 (new / "a.txt").write_text("new")
                 raise KeyError
         with files.atomic_outputs():
@@ -198,7 +198,7 @@ def test_what_else_is_in_a_folder_stays_if_it_is_kept(tmp_path):
         path = tmp_path / "set" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.symlink_to("a.txt") if text is None else path.write_text(text)
-    with files.replacing_folder(tmp_path / "set", keep=True) as new:
+    with files.replace_folder(tmp_path / "set", keep=True) as new:
         (new / "a.txt").write_text("new")
     assert (tmp_path / "set" / "a.txt").read_text() == "new"
     assert (tmp_path / "set" / "sub" / "mine.txt").read_text() == "mine"
@@ -209,12 +209,12 @@ def test_folders_of_anything_else_are_refused(tmp_path, monkeypatch):
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / "mine.txt").write_text("mine")
     for mark, why in (("a.txt", "is not empty and has no a.txt"), (None, "is not empty; it is not replaced")):
-        with pytest.raises(FileError, match=why), files.replacing_folder(tmp_path / "set", mark):
+        with pytest.raises(FileError, match=why), files.replace_folder(tmp_path / "set", mark):
             pass
     (tmp_path / "empty").mkdir()
     for name in ("set", "empty"):
         monkeypatch.chdir(tmp_path / name)
-        with pytest.raises(FileError, match="this command works in it"), files.replacing_folder(".", keep=True):
+        with pytest.raises(FileError, match="this command works in it"), files.replace_folder(".", keep=True):
             pass
     (tmp_path / "empty").rmdir()
     assert [p.name for p in tmp_path.rglob("*")] == ["set", "mine.txt"]
@@ -249,7 +249,7 @@ def test_a_link_of_the_user_to_a_folder_is_followed(tmp_path):
     (tmp_path / "disk").mkdir()
     (tmp_path / "out").symlink_to(tmp_path / "disk")
     files.write_text(tmp_path / "out" / "a.txt", "a")
-    with files.replacing_folder(tmp_path / "out", keep=True) as new:
+    with files.replace_folder(tmp_path / "out", keep=True) as new:
         (new / "b.txt").write_text("b")
     assert sorted(p.name for p in (tmp_path / "disk").iterdir()) == ["a.txt", "b.txt"]
     assert (tmp_path / "out").is_symlink()
@@ -300,7 +300,7 @@ def test_a_folder_that_another_user_has_prepared_gets_no_write_outside(tmp_path,
         target, wanted = folder / "a.txt", "belongs to another user"
     for path in (folder, *folder.rglob("*")):
         os.chown(path, NOBODY, NOBODY, follow_symlinks=False)
-    for write in (lambda: files.write_text(target, "theirs"), lambda: files.replacing_folder(target).__enter__()):
+    for write in (lambda: files.write_text(target, "theirs"), lambda: files.replace_folder(target).__enter__()):
         with pytest.raises(FileError, match=wanted):
             write()
     assert mine.read_text() == "mine"

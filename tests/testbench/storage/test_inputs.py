@@ -100,9 +100,9 @@ def test_toml_is_a_dictionary_or_one_line(tmp_path):
 
 def test_what_a_library_raises_is_one_line():
     for problem in (ValueError("bad\nheader"), MemoryError(), RecursionError("deep"), KeyError("x")):
-        with pytest.raises(FileError) as caught, inputs.parsing("a.mat", "MATLAB file"):
+        with pytest.raises(FileError) as caught, inputs.explain_damage("a.mat", "MATLAB file"):
             raise problem
         assert str(caught.value).startswith("a.mat: is no MATLAB file that can be read: ")
         assert "\n" not in str(caught.value)
-    with pytest.raises(FileError, match=r"^as it was$"), inputs.parsing("a.mat", "MATLAB file"):
+    with pytest.raises(FileError, match=r"^as it was$"), inputs.explain_damage("a.mat", "MATLAB file"):
         raise FileError("as it was")

@@ -464,7 +464,7 @@ def test_a_text_file_is_whole_or_absent(tmp_path):
     files.write_text(path, "one")
 
     def begin_and_fail():
-        with files.replacing(path) as part:
+        with files.replace_file(path) as part:
             part.write_text("two")
             raise RuntimeError("stop")
 

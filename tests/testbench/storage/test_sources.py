@@ -11,7 +11,7 @@ from testbench.storage import sources
 
 
 def test_the_frame_engine_reaches_firmware_plant_and_statistics():
-    found = sources.reached(*engines.load("frame").modules, engines.MEASURES)
+    found = sources.reachable_modules(*engines.load("frame").modules, engines.MEASURES)
     wanted = (
         "fpga_model.dds",
         "fpga_model.jit",
@@ -33,7 +33,7 @@ def test_an_edit_counts_where_it_is_reached(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "ROOT", tmp_path)
 
     def code():
-        sources.reached.cache_clear()
+        sources.reachable_modules.cache_clear()
         sources.code_sha256.cache_clear()
         return sources.code_sha256("testbench.run.simulate", engines.MEASURES)
 
@@ -44,7 +44,7 @@ def test_an_edit_counts_where_it_is_reached(tmp_path, monkeypatch):
     with open(tmp_path / "fpga_model" / "sine.py", "a") as file:
         file.write("# more\n")
     assert code() != before
-    sources.reached.cache_clear()
+    sources.reachable_modules.cache_clear()
     sources.code_sha256.cache_clear()
 
 
@@ -55,7 +55,7 @@ def test_an_engine_elsewhere_counts_too(tmp_path, monkeypatch):
     )
     monkeypatch.syspath_prepend(tmp_path)
     engine = engines.load("my_engine_of_tests:MINE")
-    assert "my_engine_of_tests" in sources.reached(*engine.modules)
+    assert "my_engine_of_tests" in sources.reachable_modules(*engine.modules)
     with pytest.raises(ConfigError, match="is a int, not an Engine"):
         engines.load("my_engine_of_tests:OTHER")
     with pytest.raises(ConfigError, match="cannot be loaded"):

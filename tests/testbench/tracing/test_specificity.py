@@ -37,16 +37,16 @@ def test_the_share_is_that_of_least_squares_law_by_law(rows, d):
     singles = [k for k in range(9) if alike(columns, k, 1, d, least, 0.1)]
     left = [k for k in range(9) if k not in singles]
     share = np.mean([alike(columns, k, 2, d, least, 0.1) for k in left])
-    assert specificity.imitated(r, r.names, 1, d, least, 0.1) == pytest.approx(len(singles) / 9)
-    assert specificity.imitated(r, r.names, 2, d, least, 0.1) == pytest.approx(share)
+    assert specificity.imitated_share(r, r.names, 1, d, least, 0.1) == pytest.approx(len(singles) / 9)
+    assert specificity.imitated_share(r, r.names, 2, d, least, 0.1) == pytest.approx(share)
 
 
 def test_laws_at_right_angles_imitate_none_and_a_law_between_two_is_imitated_by_them():
     r = ranking(np.eye(5))
-    assert specificity.imitated(r, r.names, 2, 50.0, 5.0, 0.1) == 0.0
+    assert specificity.imitated_share(r, r.names, 2, 50.0, 5.0, 0.1) == 0.0
     # the last law is the sum of the first two; each of these is then a difference, by laws at 45 degrees
     r = ranking(np.column_stack([np.eye(5)[:, :4], [1, 1, 0, 0, 0]]))
-    assert specificity.imitated(r, r.names, 2, 50.0, 5.0, 0.1) == pytest.approx(3 / 5)
+    assert specificity.imitated_share(r, r.names, 2, 50.0, 5.0, 0.1) == pytest.approx(3 / 5)
 
 
 def test_a_remainder_that_is_seen_is_larger_with_more_laws_and_at_a_stricter_level():

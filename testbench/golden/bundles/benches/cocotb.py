@@ -7,12 +7,12 @@ from testbench.golden.bundles.benches.layout import (
     PARTS,
     REPORTED_ROWS,
     block_levels,
-    counted,
     half_ps,
     input_ports,
+    ports_text,
     result_pairs,
 )
-from testbench.golden.bundles.benches.template import filled
+from testbench.golden.bundles.benches.template import fill_template
 from testbench.golden.bundles.benches.verilog import dut_instance, span
 
 
@@ -34,13 +34,13 @@ endmodule
 
 def cocotb_test(block, case):
     """cocotb test (1.9 and 2) that is its own runner: RTL=folder SIM=icarus|verilator python3 test_<block>.py."""
-    return filled(
+    return fill_template(
         "block_test.py.in",
         title=f"{block.stem}/{case}",
         stem=block.stem,
         sources=repr((*PARTS.get(block.stem, ()), block.stem)),
         half_ps=half_ps(block),
         shown=REPORTED_ROWS,
-        ports=repr({level: counted(block, level) for level in block_levels(block)}),
+        ports=repr({level: ports_text(block, level) for level in block_levels(block)}),
         default="registers",
     )

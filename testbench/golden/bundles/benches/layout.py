@@ -65,7 +65,7 @@ def compared_names(block, level):
     return [name for name, _ in result_pairs(block)] if level == "registers" else levels.levels_entry(block)[level]
 
 
-def counted(block, level):
+def ports_text(block, level):
     """What a bench says of the ports that it judges."""
     count = f"{len(compared_names(block, level))} ports"
     return count if level == "registers" else f"{count} at level {level}"

@@ -5,7 +5,7 @@ Source  docs/golden.md (exit codes)
 """
 
 from testbench.golden.bundles.benches.layout import PARTS, block_levels, rom_parameters
-from testbench.golden.bundles.benches.template import filled
+from testbench.golden.bundles.benches.template import fill_template
 from testbench.golden.stimulus.levels import LEVELS
 
 PINS = LEVELS[0]  # folder in a bundle of the whole design
@@ -104,7 +104,7 @@ def check_script(block, case, frames=None):
     pins_only = frames and not block.registers
     levels = block_levels(block)[: 2 if pins_only else None]
     why = optimised if frames else "not optimised: compiling takes longer than running"
-    return filled(
+    return fill_template(
         "check.sh.in",
         stem=stem,
         title=f"{stem}/{case}",

@@ -6,16 +6,16 @@ Source  docs/golden.md (rows)
 from testbench.golden.bundles.benches.layout import (
     REPORTED_ROWS,
     compared_names,
-    counted,
     input_ports,
     level_mask,
+    ports_text,
     result_pairs,
     rom_parameters,
     set_params,
     slices,
     total_width,
 )
-from testbench.golden.bundles.benches.template import filled
+from testbench.golden.bundles.benches.template import fill_template
 
 
 def span(width):
@@ -47,7 +47,7 @@ def verilog_bench(block, case):
         f'                $display("row %0d: {n}: expected %0h, got %0h (hex)", n, want[{hi}:{lo}], {n});'
         for n, p, hi, lo in slices(result_ports)
     ]
-    return filled(
+    return fill_template(
         "block.v.in",
         title=f"{block.stem}/{case}",
         stem=block.stem,
@@ -60,5 +60,5 @@ def verilog_bench(block, case):
             f"mask_{level}": f"{total_width(result_ports)}'h{level_mask(block, level):x}"
             for level in ("pins", "outputs")
         },
-        **{f"counted_{level}": counted(block, level) for level in ("pins", "outputs", "registers")},
+        **{f"counted_{level}": ports_text(block, level) for level in ("pins", "outputs", "registers")},
     )

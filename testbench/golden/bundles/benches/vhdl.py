@@ -6,16 +6,16 @@ Source  docs/golden.md (rows)
 from testbench.golden.bundles.benches.layout import (
     REPORTED_ROWS,
     compared_names,
-    counted,
     input_ports,
     level_mask,
+    ports_text,
     result_pairs,
     rom_parameters,
     slices,
     total_width,
 )
 from testbench.golden.bundles.benches.params import vhdl_type
-from testbench.golden.bundles.benches.template import filled
+from testbench.golden.bundles.benches.template import fill_template
 from testbench.golden.stimulus.blocks import case_parameters
 
 
@@ -30,7 +30,7 @@ def _level_constants(block):
     width = total_width(result_pairs(block))
     for level in ("registers", "outputs", "pins"):
         bits = "(others => '1')" if level == "registers" else f'"{level_mask(block, level):0{width}b}"'
-        for line in (word.format(bits), text.format(counted(block, level))):
+        for line in (word.format(bits), text.format(ports_text(block, level))):
             yield f"    {line}  -- level registers" if level == "registers" else f"    --{level}-- {line}"
 
 
@@ -74,4 +74,4 @@ def vhdl_bench(block, case):
         f'                    tell("{n}", n, got({hi} downto {lo}), want({hi} downto {lo}), care({hi} downto {lo}));'
         for n, p, hi, lo in slices(result_pairs(block))
     ]
-    return filled("block.vhd.in", **component(block, case, "now"), shows="\n".join(shows), shown=REPORTED_ROWS)
+    return fill_template("block.vhd.in", **component(block, case, "now"), shows="\n".join(shows), shown=REPORTED_ROWS)

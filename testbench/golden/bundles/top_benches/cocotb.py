@@ -6,7 +6,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from analog_frontend.parts import adc_serial
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import PARTS
-from testbench.golden.bundles.benches.template import filled
+from testbench.golden.bundles.benches.template import fill_template
 from testbench.golden.bundles.top_benches.layout import DEFAULT_FRAMES, PART_BITS, REPORTED_ROWS, sent_slices
 from testbench.golden.recording import signature
 
@@ -20,7 +20,7 @@ def cocotb_test(block, case):
         size -= high - low + 1
         fields.append(f"(word >> {low} & {2 ** (high - low + 1) - 1:#x}) << {size}")
     width = sum(p.width for _, p in benches.result_pairs(block))
-    return filled(
+    return fill_template(
         "top_test.py.in",
         stem=stem,
         case=case,

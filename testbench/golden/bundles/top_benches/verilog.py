@@ -7,7 +7,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import REPORTED_ROWS
-from testbench.golden.bundles.benches.template import filled
+from testbench.golden.bundles.benches.template import fill_template
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, pin_conditions, sent_slices
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
@@ -35,7 +35,7 @@ def _row_chunks(ports, row_bits):
     return ["{" + ", ".join(chunk) + "}" for chunk in chunks[: 1 + more]]
 
 
-def _nested(names):
+def _concatenate_ports(names):
     """Concatenation of many ports in two levels: simulators copy what is there for each part that they add."""
     groups = [names[k : k + GROUP] for k in range(0, len(names), GROUP)]
     return "{" + ",\n            ".join("{" + ", ".join(group) + "}" for group in groups) + "}"
@@ -137,7 +137,7 @@ def verilog_bench(block, case, counts, clocks=None):
         for want, ports in (("fed", inputs), ("want", result_ports))
         for n, p, hi, lo in benches.slices(ports)
     ]
-    return filled(
+    return fill_template(
         "top.v.in",
         title=f"{block.stem}/{case}",
         stem=block.stem,
@@ -145,7 +145,7 @@ def verilog_bench(block, case, counts, clocks=None):
         inputs=", ".join(n for n, _ in inputs),
         instance=_instance(block, case, clocks),
         sent=_sent(block.record),
-        gathered=_nested([n for n, _ in result_ports]),
+        gathered=_concatenate_ports([n for n, _ in result_ports]),
         append=_verilog_append(result_ports, row_bits),
         reduce=_verilog_reduce(),
         shows="\n".join(shows),
@@ -184,7 +184,7 @@ module cocotb_{block.stem} (
     `include "params.vh"
 
 {chr(10).join(nets)}
-    wire [{PART_BITS * len(parts) - 1}:0] got = {_nested([n for n, _ in result_ports])};
+    wire [{PART_BITS * len(parts) - 1}:0] got = {_concatenate_ports([n for n, _ in result_ports])};
 {chr(10).join(assigns)}
     assign adc_cs_n = o_adc_cs_n;
     assign adc_sclk = o_adc_sclk;

@@ -5,7 +5,7 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import REPORTED_ROWS
-from testbench.golden.bundles.benches.template import filled
+from testbench.golden.bundles.benches.template import fill_template
 from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, chunks, pin_conditions, sent_slices
 from testbench.golden.recording import signature
 
@@ -66,7 +66,7 @@ def vhdl_bench(block, case, counts, clocks=None):
             port_line = f"{n} => got{benches.vhdl_slice(p.width, hi, lo)},"
             design["port_maps"] = design["port_maps"].replace(port_line, f"{n} => {n},")
     sent = [f"adc_word({high} downto {low})" for high, low in slices]
-    return filled(
+    return fill_template(
         "top.vhd.in",
         sent=" & ".join([*sent, *([f'"{0:0{zeros}}"'] if zeros else [])]),
         **design,

@@ -42,7 +42,7 @@ def _around(n, half):
     return rows[rows != np.arange(n)[:, None]].reshape(n, 2 * half)
 
 
-def _stacked(terms, s):
+def _stack_terms(terms, s):
     """(n, m, p) of the terms, of their derivatives by s and by its conjugate."""
     return (np.stack([np.broadcast_to(t[k], s.shape) for t in terms], axis=-1) for k in range(3))
 
@@ -55,7 +55,7 @@ def _off(f, s, half, terms):
     middle = s[rows].mean(axis=1, keepdims=True)
     size = np.maximum(np.max(np.abs(s[rows] - middle), axis=1), 1e-300)
     neighbours, centre = (s[rows] - middle) / size[:, None], (s[:, None] - middle) / size[:, None]
-    a, by_s, by_c = _stacked(terms(x, neighbours), neighbours)
+    a, by_s, by_c = _stack_terms(terms(x, neighbours), neighbours)
     weight = np.ones(x.shape)
     for _ in range(2):
         used = weight
@@ -67,7 +67,7 @@ def _off(f, s, half, terms):
         weight = 1 / np.maximum(slope, 1e-3)
     residual = (neighbours - (a @ c)[..., 0]) * used
     neighbour_rms = np.linalg.norm(residual, axis=1) / np.sqrt(a.shape[1] - a.shape[2])
-    a, by_s, by_c = _stacked(terms(np.zeros(centre.shape), centre), centre)
+    a, by_s, by_c = _stack_terms(terms(np.zeros(centre.shape), centre), centre)
     added = np.linalg.norm((a / norm[:, None]) @ inverse, axis=(1, 2))
     slope = (np.abs(1 - (by_s @ c)[..., 0]) + np.abs((by_c @ c)[..., 0]))[:, 0]
     return np.abs(centre - (a @ c)[..., 0])[:, 0] / slope * size, neighbour_rms * size, np.hypot(1, added / slope)

@@ -2,9 +2,9 @@
 
 grid_step(v)            step of the grid on which all values lie; 0: they lie on none coarser than their numbers
 neighbour_residual(v)   each value less the median of its four neighbours: trends go, single rows stay
-predicted(v)            each value less its best linear prediction from TAPS rows on both sides: fast signals go, too
+prediction_residual(v)  each value less its best linear prediction from TAPS rows on both sides: fast signals go, too
 noise_sd(v)             robust standard deviation of that
-running(v, ..)          a measure of the rows around each row
+running_measure(v, ..)  a measure of the rows around each row
 rounding_noise(v)       noise that the grid alone makes: step / sqrt(12)
 """
 
@@ -78,13 +78,13 @@ def neighbour_residual(v):
     return v - np.median(around, axis=0)
 
 
-def predicted(v):
+def prediction_residual(v):
     """(n,) each value less its least-squares prediction from TAPS rows on either side; 0 at the ends."""
     return prediction(v)[0]
 
 
 def prediction(v):
-    """(rest as of `predicted`, weights (2 TAPS + 1,) by which a row of its own shows in the rest around it)."""
+    """(rest as of `prediction_residual`, weights (2 TAPS + 1,) by which a row itself shows in the rest around it)."""
     n = len(v)
     if n < 16 * TAPS:
         return neighbour_residual(v), np.concatenate([np.zeros(TAPS), [1.0], np.zeros(TAPS)])
@@ -113,10 +113,10 @@ def robust(v):
 
 def noise_sd(v, fast=False):
     """Robust sd of what a row has beside its neighbours, for one row."""
-    return robust(predicted(v)) if fast else robust(neighbour_residual(v)) / np.sqrt(1.25)
+    return robust(prediction_residual(v)) if fast else robust(neighbour_residual(v)) / np.sqrt(1.25)
 
 
-def running(v, measure, half=HALF):
+def running_measure(v, measure, half=HALF):
     """(n,) `measure` of the values around each row."""
     n = len(v)
     half = max(half, n // 200)
@@ -129,7 +129,7 @@ def running(v, measure, half=HALF):
 
 def running_scale(v, half=HALF):
     """(n,) robust sd of the values around each row, at least a tenth of that of all."""
-    scale, least = running(v, robust, half), max(0.1 * robust(v), 1e-300)
+    scale, least = running_measure(v, robust, half), max(0.1 * robust(v), 1e-300)
     # where noise begins or ends, the larger side counts
     sides = [np.roll(scale, k) for k in (-min(half, len(v) // 2), 0, min(half, len(v) // 2))]
     return np.maximum(np.maximum.reduce(sides), least)
@@ -138,7 +138,7 @@ def running_scale(v, half=HALF):
 def local_step(v):
     """(n,) smallest change between neighbours around each row: what the digits of a floating grid leave."""
     change, rounding = np.abs(np.diff(v, append=v[-1])), 8 * np.finfo(float).eps * np.max(np.abs(v))
-    return running(change, lambda x: np.min(x[x > rounding], initial=np.ptp(v)))
+    return running_measure(change, lambda x: np.min(x[x > rounding], initial=np.ptp(v)))
 
 
 def ties_expected(v):

@@ -65,7 +65,7 @@ def csv(path, table):
 
 def imported(tmp_path, table, text=""):
     (tmp_path / "map.toml").write_text(text or MAP + columns())
-    return assemble.imported([csv(tmp_path / "data.csv", table)], tmp_path / "map.toml")
+    return assemble.import_files([csv(tmp_path / "data.csv", table)], tmp_path / "map.toml")
 
 
 def same_words(found, board):
@@ -116,7 +116,7 @@ def test_every_kind_of_file_gives_the_record_of_the_csv(board, tmp_path, kind):
     else:
         pq.write_table(pa.table(table), path)
     (tmp_path / "map.toml").write_text(text)
-    same_words(assemble.imported([path], tmp_path / "map.toml"), board)
+    same_words(assemble.import_files([path], tmp_path / "map.toml"), board)
 
 
 def test_volts_with_their_lsb_are_the_codes_again(board, tmp_path):
@@ -207,7 +207,7 @@ def test_a_decimated_file_is_told_and_goes_on(board, tmp_path):
     found = imported(tmp_path, table)
     assert "a row is 8 frames: no word can be replayed" in found.lacking
     write_record(tmp_path / "slow.h5", found.record)
-    assert not load_record.load(tmp_path / "slow.h5").blocked
+    assert not load_record.load(tmp_path / "slow.h5").is_blocked
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -242,7 +242,7 @@ def test_two_files_of_one_condition_are_repeats(board, tmp_path):
     twice = "[[power_on]]\n[[power_on]]\n[power_on.profile]\nrate_dps = 100.0\n"
     (tmp_path / "map.toml").write_text(MAP + columns() + twice + DWELL)
     paths = [csv(tmp_path / f"{k}.csv", made(board)) for k in range(2)]
-    found = assemble.imported(paths, tmp_path / "map.toml")
+    found = assemble.import_files(paths, tmp_path / "map.toml")
     s = found.record.tables["segments"]
     assert s["repeat_group"].data[s["kind"].data == "dwell"].tolist() == ["a", "a"]
     assert found.record.tables["power_on"]["edge"].data.tolist() == [0, FRAME_CYCLES * len(board["adc_xI"])]
@@ -365,7 +365,7 @@ def test_a_wrong_register_does_not_lock_and_is_told(board, tmp_path):
 def test_r1_of_an_imported_record_has_the_words_to_the_clock(board, tmp_path):
     (tmp_path / "map.toml").write_text(MAP + columns() + DWELL)
     paths = [csv(tmp_path / f"{k}.csv", made(board)) for k in range(2)]
-    assert residuals.study_record(assemble.imported(paths, tmp_path / "map.toml").record, "R1").exact_words
+    assert residuals.study_record(assemble.import_files(paths, tmp_path / "map.toml").record, "R1").exact_words
 
 
 def test_a_late_start_with_its_words_can_be_traced(board, tmp_path, monkeypatch):

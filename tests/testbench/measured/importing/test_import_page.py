@@ -36,7 +36,7 @@ def test_the_pages_map_makes_a_record_of_a_short_file(small, tmp_path):
     csv, toml = tmp_path / "bench.csv", tmp_path / "bench.toml"
     np.savetxt(csv, table, ["%.6f", *["%d"] * 4], ",", header="t_s,xI,xQ,yI,yQ", comments="")
     toml.write_text(FILES["bench.toml"])
-    found = assemble.imported([csv], toml)
+    found = assemble.import_files([csv], toml)
     assert found.lacking == ""
     for name in ("nco_fword", "amplitude_word", "rate_word", "quadrature_code", "state"):
         assert np.array_equal(found.record.streams[name].data, small.streams[name].data[rows]), name

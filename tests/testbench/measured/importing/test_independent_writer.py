@@ -94,7 +94,7 @@ def test_a_record_of_another_writer_is_accepted_and_its_words_follow(small, tmp_
     other.write(tmp_path / "theirs.h5", *contents(small))
     loaded = load_record.load(tmp_path / "theirs.h5")
     assert loaded.findings == []
-    found, why = firmware_words.completed(loaded.record)
+    found, why = firmware_words.complete_record(loaded.record)
     assert why == ""
     assert np.array_equal(found.streams["amplitude_word"].data, small.streams["amplitude_word"].data)
 

@@ -24,7 +24,7 @@ def test_words_from_the_codes_alone_are_those_that_the_board_had(small, tmp_path
     write_record(tmp_path / "bare.h5", bare)
     loaded = load_record.load(tmp_path / "bare.h5")
     assert loaded.residual.verdict == "R0 not decidable: adc_ok is not recorded"
-    found, why = firmware_words.completed(loaded.record)
+    found, why = firmware_words.complete_record(loaded.record)
     assert why == ""
     first = [edge // 3250 for edge in small.tables["power_on"]["edge"].data]
     for name in small.streams.keys() & schema.REPLAYED.keys() - {"rate_output"}:
@@ -36,7 +36,7 @@ def test_words_from_the_codes_alone_are_those_that_the_board_had(small, tmp_path
         assert np.array_equal(have.data[rows], wanted.data[rows]), name
     # the compensated rate needs the temperature
     assert small.streams.keys() - found.streams.keys() == {"adc_ok", "adc_temperature", "rate_output"}
-    assert firmware_words.lacking(found) == ()
+    assert firmware_words.missing_streams(found) == ()
 
 
 def test_what_tracing_needs_is_named():
@@ -44,8 +44,8 @@ def test_what_tracing_needs_is_named():
 
 
 def test_a_complete_record_is_left_alone(small):
-    whole, _ = firmware_words.completed(small)
-    found, why = firmware_words.completed(whole)
+    whole, _ = firmware_words.complete_record(small)
+    found, why = firmware_words.complete_record(whole)
     assert found is whole
     assert why == ""
 
@@ -54,7 +54,7 @@ def test_without_a_power_on_no_word_follows(small):
     bare = codes_only(copy.deepcopy(small))
     for table in ("power_on", "gaps"):
         bare.tables[table] = {key: c._replace(data=c.data[:0]) for key, c in bare.tables[table].items()}
-    found, why = firmware_words.completed(bare)
+    found, why = firmware_words.complete_record(bare)
     assert found is bare
     assert why == "frame 0 is no power-on, and /initial does not name every register"
 

@@ -60,7 +60,7 @@ def off(coefficients, elements, bits_lsb, steps):
         abs(coefficients[f"step {k - 1}/8"]["value"] - (lsb - cleared)) / coefficients[f"step {k - 1}/8"]["sd"]
         for k, _, lsb in steps
     ]
-    return max(sigmas), float(np.std(dac_levels.straight(found - truth)[0]))
+    return max(sigmas), float(np.std(dac_levels.fit_line(found - truth)[0]))
 
 
 def test_a_segmented_converter_is_one_law_whatever_the_files_are_called(tmp_path):
