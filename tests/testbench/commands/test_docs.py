@@ -101,7 +101,7 @@ def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
 
 def test_a_page_without_the_part_is_an_error():
     with pytest.raises(ValueError, match="no part 'budget'"):
-        pages.replaced("nothing here", "budget", "text")
+        pages.replace_part("nothing here", "budget", "text")
 
 
 def test_other_arguments_are_refused(capsys):
