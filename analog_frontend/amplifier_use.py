@@ -47,14 +47,14 @@ def pickoff(device, temp_degc, amplitude_m, f_hz):
 def output(device, where, peak_v, tau_s, f_hz, tick_s):
     """Use of the amplifiers behind a pole (s) by a sine of `peak_v` (V) that a DAC updates every `tick_s`."""
     q, angle = math.exp(-tick_s / tau_s), 2 * math.pi * f_hz * tick_s
-    pole_magnitude = math.sqrt((1 - q) ** 2 + 4 * q * math.sin(angle / 2) ** 2)
-    return use(device, where, peak_v, peak_v * 2 * abs(math.sin(angle / 2)) / (tau_s * pole_magnitude))
+    denominator_magnitude = math.sqrt((1 - q) ** 2 + 4 * q * math.sin(angle / 2) ** 2)
+    return use(device, where, peak_v, peak_v * 2 * abs(math.sin(angle / 2)) / (tau_s * denominator_magnitude))
 
 
 def sentence(uses):
     """What all amplifiers are asked for, in one line."""
-    uses_text = "; ".join(f"{u.where} {100 * u.swing_use:.3g} and {100 * u.slew_use:.3g} %" for u in uses)
-    return f"Amplifiers, use of swing and of slew rate (neither is simulated): {uses_text}."
+    swing_slew_text = "; ".join(f"{u.where} {100 * u.swing_use:.3g} and {100 * u.slew_use:.3g} %" for u in uses)
+    return f"Amplifiers, use of swing and of slew rate (neither is simulated): {swing_slew_text}."
 
 
 def warnings(uses):

@@ -30,7 +30,7 @@ STRING_BITS = 5
 ELEMENTS = 1 << STRING_BITS
 MAX_BITS = 24
 MAX_LSB = 64.0
-START, END, WEIGHTS, SIZE = 0, ELEMENTS, 2 * ELEMENTS, 2 * ELEMENTS + MAX_BITS
+START_ERRORS, END_ERRORS, WEIGHTS, SIZE = 0, ELEMENTS, 2 * ELEMENTS, 2 * ELEMENTS + MAX_BITS
 TEXT = re.compile(r"\s*(element|step)\s+(\d+)/(\d+)\s*=\s*(\S+)\s*|\s*(bit)\s+(\d+)\s*=\s*(\S+)\s*")
 
 
@@ -52,12 +52,12 @@ def table(texts, bits):
     Elements and steps count from 1, bits from 0. Raises ValueError: no such text, out of range.
     """
     out = np.zeros(SIZE)
-    elements = np.arange(ELEMENTS)
+    element_indices = np.arange(ELEMENTS)
     for text in texts:
         match = TEXT.fullmatch(text) if isinstance(text, str) else None
         if not match:
             raise ValueError(f'dac levels: {text!r}: expected "element K/N = LSB", "step K/N = LSB" or "bit B = LSB"')
-        kind, number, count = match[1] or match[5], int(match[2] or match[6]), int(match[3] or 0)
+        kind, number, segment_count = match[1] or match[5], int(match[2] or match[6]), int(match[3] or 0)
         try:
             error = float(match[4] or match[7])
         except ValueError:
@@ -69,16 +69,16 @@ def table(texts, bits):
                 raise ValueError(f"dac levels: {text!r}: bits are 0 .. {bits - 1}")
             out[WEIGHTS + number] += error
             continue
-        if count not in [1 << m for m in range(1, STRING_BITS + 1)] or not 1 <= number <= count:
+        if segment_count not in [1 << m for m in range(1, STRING_BITS + 1)] or not 1 <= number <= segment_count:
             raise ValueError(f"dac levels: {text!r}: K/N with N of 2, 4, 8, 16, 32 and K of 1 .. N wanted")
-        fine = ELEMENTS // count
+        fine = ELEMENTS // segment_count
         first = (number - 1) * fine
         if kind == "step":
-            out[START : START + ELEMENTS] += error * (elements >= first)
-            out[END : END + ELEMENTS] += error * (elements >= first)
+            out[START_ERRORS : START_ERRORS + ELEMENTS] += error * (element_indices >= first)
+            out[END_ERRORS : END_ERRORS + ELEMENTS] += error * (element_indices >= first)
         else:
-            out[START : START + ELEMENTS] += error * np.clip((elements - first) / fine, 0.0, 1.0)
-            out[END : END + ELEMENTS] += error * np.clip((elements + 1 - first) / fine, 0.0, 1.0)
+            out[START_ERRORS : START_ERRORS + ELEMENTS] += error * np.clip((element_indices - first) / fine, 0.0, 1.0)
+            out[END_ERRORS : END_ERRORS + ELEMENTS] += error * np.clip((element_indices + 1 - first) / fine, 0.0, 1.0)
     return out
 
 
@@ -94,14 +94,14 @@ def design(texts, bits, lsb_v):
 @inlined
 def volts(p, code):
     """What the level of `code` is too high by (V); `p` is on."""
-    position = code + (1 << (p.bits - 1))
-    low_bits = p.bits - STRING_BITS
-    k = position >> low_bits
-    remainder = position - (k << low_bits)
-    start_v = p.table_v[START + k]
-    error = start_v + (p.table_v[END + k] - start_v) * (float(remainder) / float(1 << low_bits))
+    offset_code = code + (1 << (p.bits - 1))
+    low_bit_count = p.bits - STRING_BITS
+    k = offset_code >> low_bit_count
+    low_code = offset_code - (k << low_bit_count)
+    start_error_v = p.table_v[START_ERRORS + k]
+    error = start_error_v + (p.table_v[END_ERRORS + k] - start_error_v) * (float(low_code) / float(1 << low_bit_count))
     for b in range(p.bits):
-        if (position >> b) & 1:
+        if (offset_code >> b) & 1:
             error = error + p.table_v[WEIGHTS + b]
     return error
 

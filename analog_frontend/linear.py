@@ -67,7 +67,7 @@ STATE_OFFSETS = np.array(STATE_ROWS) * STRIDE  # of each state, for laws
 
 
 @inlined
-def _force_chain(g, w, n, first, u, du, jit, in_u, in_du, in_jit):
+def _fill_chain_forcing(g, w, n, first, u, du, jit, in_u, in_du, in_jit):
     """What its DAC gives to the three states of a chain."""
     for t in range(0, n, LANES):
         for k in range(3):
@@ -106,8 +106,8 @@ def _pairs_of_three(g, w, n, a, row_a, from_a, b, row_b, from_b):
 @outlined
 def chains(g, w, n):
     """The two output chains: rows D1 .. S3 from their inputs. Mutates `w`."""
-    _force_chain(g, w, n, D1, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, U_DRIVE, DU_DRIVE, JIT_DRIVE)
-    _force_chain(g, w, n, S1, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, U_SENSE, DU_SENSE, JIT_SENSE)
+    _fill_chain_forcing(g, w, n, D1, IN_U_DRIVE, IN_DU_DRIVE, IN_JIT_DRIVE, U_DRIVE, DU_DRIVE, JIT_DRIVE)
+    _fill_chain_forcing(g, w, n, S1, IN_U_SENSE, IN_DU_SENSE, IN_JIT_SENSE, U_SENSE, DU_SENSE, JIT_SENSE)
     _pairs_of_three(g, w, n, D1, D1, FORCED_CHAIN, S1, S1, FORCED_CHAIN + 3)
 
 
@@ -152,7 +152,7 @@ def _step_modes(g, w, n, e, laws, gains, pushed):
     x, vx, y, vy = w[X * STRIDE], w[VX * STRIDE], w[Y * STRIDE], w[VY * STRIDE]
     for t in range(n):
         if pushed:
-            add_x = effects.force_impulse(e, x, law.instant_state(w, STATE_OFFSETS, law.U, t, t + 1, laws.leads))
+            add_x = effects.force_impulse(e, x, law.start_state(w, STATE_OFFSETS, law.U, t, t + 1, laws.leads))
             if laws.force:
                 law_x, law_y = law.impulses(laws.force, laws.table, gains, w, STATE_OFFSETS, t, t + 1, laws.leads)
                 add_x, vy = add_x + law_x, vy + law_y
@@ -185,7 +185,7 @@ def modes(g, w, n, e, laws, gains):
 
 
 @inlined
-def _drive_pickoff(q, w, n, x, vx, end_vx, out):
+def _fill_pickoff_forcing(q, w, n, x, vx, end_vx, out):
     """What a mode gives to its C/V states and SID path: three rows from `out`, three from that of its path.
 
     q       (4, 6)
@@ -200,7 +200,7 @@ def _drive_pickoff(q, w, n, x, vx, end_vx, out):
 
 
 @inlined
-def _advance_sid_path(g, w, n, first, row, column, out):
+def _add_cv_to_sid_path(g, w, n, first, row, column, out):
     """The SID's path of one channel: what stands there is b; the C/V states are added."""
     for t in range(0, n, LANES):
         c1, c2, c3 = load(w, row * STRIDE + t), load(w, (row + 1) * STRIDE + t), load(w, (row + 2) * STRIDE + t)
@@ -218,11 +218,11 @@ def pickoffs(g, q, w, n, pushed):
     pushed  whether effects push the velocities between ticks
     """
     x_end, y_end = (END_VX * STRIDE, END_VY * STRIDE) if pushed else (VX * STRIDE + 1, VY * STRIDE + 1)
-    _drive_pickoff(q[0], w, n, X * STRIDE, VX * STRIDE, x_end, B_CV * STRIDE)
-    _drive_pickoff(q[1], w, n, Y * STRIDE, VY * STRIDE, y_end, (B_CV + 3) * STRIDE)
+    _fill_pickoff_forcing(q[0], w, n, X * STRIDE, VX * STRIDE, x_end, B_CV * STRIDE)
+    _fill_pickoff_forcing(q[1], w, n, Y * STRIDE, VY * STRIDE, y_end, (B_CV + 3) * STRIDE)
     _pairs_of_three(g, w, n, 10, CX1, B_CV, 13, CY1, B_CV + 3)
-    _advance_sid_path(g, w, n, 10, CX1, PX1, PATH)
-    _advance_sid_path(g, w, n, 13, CY1, PY1, PATH + 3)
+    _add_cv_to_sid_path(g, w, n, 10, CX1, PX1, PATH)
+    _add_cv_to_sid_path(g, w, n, 13, CY1, PY1, PATH + 3)
 
 
 @inlined

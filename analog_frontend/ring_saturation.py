@@ -59,7 +59,7 @@ def _odd(p, index, channel, u):
 
 
 @inlined
-def ring_terms(p, index, weight, channel, u):
+def saturation_terms(p, index, weight, channel, u):
     """S and M at an output voltage `u` of the linear chain, between two temperatures."""
     static, moving = _odd(p, index, channel, u)
     if weight > 0.0:
@@ -71,20 +71,20 @@ def ring_terms(p, index, weight, channel, u):
 @inlined
 def volts(p, index, weight, channel, start_v, end_v):
     """What is added over a tick, from the linear chain's output at both of its ends."""
-    static_0, moving_0 = ring_terms(p, index, weight, channel, start_v)
-    static_1, moving_1 = ring_terms(p, index, weight, channel, end_v)
+    static_0, moving_0 = saturation_terms(p, index, weight, channel, start_v)
+    static_1, moving_1 = saturation_terms(p, index, weight, channel, end_v)
     return 0.5 * (static_0 + static_1) + (moving_1 - moving_0)
 
 
 @kernel
-def _fill_terms(p, index, weight, channel, u, static, moving):
+def _fill_saturation_terms(p, index, weight, channel, u, static, moving):
     for k in range(len(u)):
-        static[k], moving[k] = ring_terms(p, index, weight, channel, u[k])
+        static[k], moving[k] = saturation_terms(p, index, weight, channel, u[k])
 
 
-def sampled_output(p, temp_degc, channel, u):
+def saturated_output(p, temp_degc, channel, u):
     """(n,) C/V output at the first instants of consecutive ticks, from that of the linear chain."""
     index, weight = propagator.locate(p.temp_lo_degc, p.temp_step_k, p.temp_count, temp_degc)
     static, moving = np.empty(len(u)), np.empty(len(u))
-    _fill_terms(p, index, weight, channel, np.ascontiguousarray(u), static, moving)
+    _fill_saturation_terms(p, index, weight, channel, np.ascontiguousarray(u), static, moving)
     return u + static + np.gradient(moving)

@@ -22,8 +22,8 @@ def design(device, temp_lo_degc, temp_hi_degc, tick_s):
         first = np.floor((temp_lo_degc - device.temp_ref_degc) / STEP_K)
         last = max(np.ceil((temp_hi_degc - device.temp_ref_degc) / STEP_K), first + 1)
         temps = [device.temp_ref_degc + STEP_K * k for k in range(int(first), int(last) + 1)]
-    tables = [[_cubics(device, channel, temp, tick_s) for channel in CHANNELS] for temp in temps]
-    per_v, cubics = (np.array([[one[k] for one in row] for row in tables]) for k in range(2))
+    temperature_tables = [[_cubics(device, channel, temp, tick_s) for channel in CHANNELS] for temp in temps]
+    per_v, cubics = (np.array([[one[k] for one in row] for row in temperature_tables]) for k in range(2))
     return Params(1, float(temps[0]), STEP_K, len(temps), per_v, cubics)
 
 

@@ -1,7 +1,7 @@
 """The demodulators of a block: stretches without a reference edge, and the ticks in which a switch moves.
 
     edge at clock c --> switch_tau_s[level, c] + jitter --> instant in its tick, or in the next one (switch_carry)
-A tick without an edge is one step of the capacitors (`sid.follow_ticks`, `sid.follow_tick`), one with edges is pieces
+A tick without an edge is one step of the capacitors (`sid.step_edgeless_ticks`), one with edges is pieces
 (`sid.edge`). `p` and `s` are `Params` and `State` of the plant.
 Source    docs/parts/sid.md, docs/parts/top.md
 """
@@ -69,19 +69,19 @@ def demodulate(p, s, tick, n, edge_count, edges, driver_s, temp_degc):
     for d in range(DEMODULATORS):
         out[d] = sid.output(s.caps, d)
     t, k, clocks = 0, 0, p.adc.tick_clocks
-    deferred = s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
+    deferred_count = s.late_count[0] + s.late_count[1] + s.late_count[2] + s.late_count[3]
     while t < n:
         until = t
-        if deferred == 0:
+        if deferred_count == 0:
             until = min(edges[k, 0] // clocks, n) if k < edge_count else n
         if until > t:
-            sid.follow_ticks(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
+            sid.step_edgeless_ticks(p.sid, s.caps, s.switch, w, FEED, STRIDE, t, until, out)
             t = until
         else:
             last = k
             while last < edge_count and edges[last, 0] < (t + 1) * clocks:
                 last += 1
-            deferred = _switch(p, s, tick + t, t, k, last, edges, added, driver_s)
+            deferred_count = _switch(p, s, tick + t, t, k, last, edges, added, driver_s)
             k = last
             t += 1
 
@@ -97,17 +97,17 @@ class Switches(NamedTuple):
 
 
 @inlined
-def switch_instants(p, tick, t, d, ref, first, last, edges, pending_tau_s, pending_count, taus):
+def collect_switch_instants(p, tick, t, d, ref, first, last, edges, pending_taus_s, pending_count, taus):
     """Instants within `tick`, tick `t` of a block, at which the switches of demodulator `d` move: how many, in `taus`.
 
     p            Switches
     ref          where the switches stand at the tick's begin
     first, last  the tick's reference edges in `edges`. An edge whose switch acts in the next tick is kept in
-    `pending_tau_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `pending_tau_s`
+    `pending_taus_s`; those kept before act now. Returns also how many are kept. Mutates `taus` and `pending_taus_s`
     """
-    count, deferred = pending_count, 0
+    count, deferred_count = pending_count, 0
     for k in range(count):
-        taus[k] = pending_tau_s[k]
+        taus[k] = pending_taus_s[k]
         ref = 0 if ref else 1
     for k in range(first, last):
         if edges[k, 1] == d:
@@ -115,12 +115,12 @@ def switch_instants(p, tick, t, d, ref, first, last, edges, pending_tau_s, pendi
             ref = 0 if ref else 1
             tau = p.tau_s[ref, cycle] + noise.white_sample(p.jitter, JITTERED * tick + 1 + d)
             if p.carry[ref, cycle] != 0:
-                pending_tau_s[deferred] = max(tau, 0.0)
-                deferred += 1
+                pending_taus_s[deferred_count] = max(tau, 0.0)
+                deferred_count += 1
             else:
                 taus[count] = min(max(tau, 0.0), p.h_s)
                 count += 1
-    return count, deferred
+    return count, deferred_count
 
 
 @inlined
@@ -141,19 +141,19 @@ def _switch(p, s, tick, t, first, last, edges, added, driver_s):
     """
     taus, w = s.work.taus_s, s.work.w
     switches = Switches(p.switch_tau_s, p.switch_carry, p.noise.edge_jitter, p.sid.h_s, p.adc.tick_clocks)
-    pending = 0
+    deferred_total = 0
     for d in range(DEMODULATORS):
         waiting = s.late_count[d]
-        count, deferred = switch_instants(
+        count, deferred_count = collect_switch_instants(
             switches, tick, t, d, s.switch[d], first, last, edges, s.late_tau_s[d], waiting, taus
         )
-        s.late_count[d] = deferred
-        pending += deferred
+        s.late_count[d] = deferred_count
+        deferred_total += deferred_count
         path = (PATH if d < 2 else PATH + 3) * STRIDE + t
         n = w[(added if d < 2 else added + 1) * STRIDE + t]
         p1, p2, p3 = w[path], w[path + STRIDE], w[path + 2 * STRIDE]
         if count == 0:
-            sid.follow_tick(p.sid, s.caps, d, s.switch[d], n, p1, p2, p3)
+            sid.step_edgeless_tick(p.sid, s.caps, d, s.switch[d], n, p1, p2, p3)
         else:
             cv = (CX3 if d < 2 else CY3) * STRIDE + t
             before = (CX2 if d < 2 else CY2) * STRIDE + t
@@ -161,4 +161,4 @@ def _switch(p, s, tick, t, first, last, edges, added, driver_s):
             dv0, dv1 = (p.slope_gain * w[before] - v0) / driver_s, (p.slope_gain * w[before + 1] - v1) / driver_s
             s.switch[d] = apply_switches(p.sid, s.caps, d, s.switch[d], taus, count, n, p1, p2, p3, v0, dv0, v1, dv1)
         s.work.demodulated[4 * (t + 1) + d] = sid.output(s.caps, d)
-    return pending
+    return deferred_total

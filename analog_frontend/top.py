@@ -157,7 +157,7 @@ class Pins(NamedTuple):
     edge_count: int
 
 
-def _level_volts(part, levels, code):
+def _dac_output_volts(part, levels, code):
     error = dac_levels.volts(levels, code) if levels.on else 0.0
     return dac.volts(part, code) + error
 
@@ -167,8 +167,8 @@ def reset(p, drive_code, sense_code, temp_degc):
     s = zeros(State, adc=adc.reset(p.adc), work=zeros(Work))
     s.now[:] = np.inf
     s.codes[:] = drive_code, sense_code
-    s.volts[DRIVE] = _level_volts(p.drive_dac, p.drive_levels, drive_code)
-    s.volts[SENSE] = _level_volts(p.sense_dac, p.sense_levels, sense_code)
+    s.volts[DRIVE] = _dac_output_volts(p.drive_dac, p.drive_levels, drive_code)
+    s.volts[SENSE] = _dac_output_volts(p.sense_dac, p.sense_levels, sense_code)
     s.coming_v[:] = s.volts
     s.z[0:3] = s.volts[DRIVE]
     s.z[3:6] = s.volts[SENSE]
@@ -228,7 +228,7 @@ def _columns(s):
 
 
 @inner
-def blend_scalar(p, values, temp_degc):
+def interpolate_scalar(p, values, temp_degc):
     """A scalar of the tables at a temperature."""
     if p.temp_count == 1:
         return values[0]
@@ -243,21 +243,21 @@ def retune(p, s, rate_rad_s, quad_code, temp_degc):
         s.now[NOW_RATE], s.now[NOW_STIFFNESS], s.now[NOW_TEMP] = rate_rad_s, quad_code, temp_degc
         return
     volts = quad_code * p.quad_lsb_v
-    kq = blend_scalar(p, p.tables.kq_n_per_m_per_v2, temp_degc)
-    tune(p, s, rate_rad_s, blend_scalar(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts), temp_degc)
+    kq = interpolate_scalar(p, p.tables.kq_n_per_m_per_v2, temp_degc)
+    tune(p, s, rate_rad_s, interpolate_scalar(p, p.tables.kxy_n_per_m, temp_degc) - kq * (volts * volts), temp_degc)
 
 
 @inner
 def tune(p, s, rate_rad_s, stiffness, temp_degc):
     """As `retune`, for a coupling stiffness (N/m)."""
-    changed = s.now[NOW_TEMP] != temp_degc
-    changed = changed or s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]
-    if not changed and s.now[NOW_RATE] == rate_rad_s and s.now[NOW_STIFFNESS] == stiffness:
+    needs_blend = s.now[NOW_TEMP] != temp_degc
+    needs_blend = needs_blend or s.now[NOW_CYCLE_DRIVE] != s.cycles[DRIVE] or s.now[NOW_CYCLE_SENSE] != s.cycles[SENSE]
+    if not needs_blend and s.now[NOW_RATE] == rate_rad_s and s.now[NOW_STIFFNESS] == stiffness:
         return
     s.now[NOW_RATE] = rate_rad_s
     s.now[NOW_STIFFNESS] = stiffness
     s.now[NOW_TEMP] = temp_degc
-    if changed:
+    if needs_blend:
         _blend(p, s, temp_degc)
         propagator.combine(s.jet, rate_rad_s, stiffness, s.g)
     else:
@@ -380,12 +380,12 @@ def advance_ticks(p, s, tick, n, drive_cycle, sense_cycle, edge_count, edges):
     for k in range(STATES):
         w[STATE_ROWS[k] * STRIDE] = s.z[k]
     # whole registers: what stands behind the last tick is not read, and a loop without a rest is faster
-    on, padded = p.noise, (n + LANES - 1) // LANES * LANES
+    on, padded_ticks = p.noise, (n + LANES - 1) // LANES * LANES
     noise.fill_hold_rows(on.drive_dac, on.sense_dac, tick, w, IN_U_DRIVE * STRIDE, IN_U_SENSE * STRIDE, n)
     noise.fill_hold_rows(on.force_x, on.force_y, tick, w, IN_FX * STRIDE, IN_FY * STRIDE, n)
     noise.fill_hold_rows(on.cv_x, on.cv_y, tick, w, CV_NOISE_X * STRIDE, CV_NOISE_Y * STRIDE, n)
     jitter, rows = on.edge_jitter, (JITTER_DRIVE * STRIDE, JITTER_SENSE * STRIDE)
-    noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], padded)
+    noise.fill_rows(jitter, jitter, JITTERED * tick, JITTERED, w, rows[DRIVE], rows[SENSE], padded_ticks)
     carry = t.drive_carry[0, s.cycles[DRIVE]]
     _dac(s, w, DRIVE, p.drive_dac, p.drive_levels, carry, s.work.drive_codes, n, DRIVE_ROWS)
     carry = t.sense_carry[0, s.cycles[SENSE]]
@@ -410,7 +410,7 @@ def sar_code(p, s, tick, channel):
     """Sample of a C/V output at the tick's first instant, 18 bit; for the board without the analog SID."""
     noise_x, noise_y = noise.hold_sample(p.noise.cv_x, tick), noise.hold_sample(p.noise.cv_y, tick)
     noise_x, noise_y = effects.cv_volts(p.effects, noise_x, noise_y, s.z[V_DRIVE], s.z[V_DRIVE])
-    return quantize_sample(p, s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y)
+    return quantize_sar(p, s.z[CV_X] + noise_x if channel == 0 else s.z[CV_Y] + noise_y)
 
 
 @inner
@@ -422,7 +422,7 @@ def aperture_noise(p, work, t, drive_v):
 
 
 @inner
-def quantize_sample(p, volts):
+def quantize_sar(p, volts):
     """Code of an 18-bit sample; not a number reads as plus full scale."""
     ratio = volts / p.sar_lsb_v
     if not ratio < 131071.0:

@@ -3,7 +3,7 @@ docs/boards/paper.toml.
 """
 
 from testbench.config import Nominal, Plant, provenance, scenario, sections
-from testbench.config.config_errors import field_choices, limit_text, number_limits, unit_suffix
+from testbench.config.config_errors import literal_choices, number_limits, number_text, spaced_unit
 from testbench.config.toml_text import toml_value
 from testbench.design.target import Target
 
@@ -23,9 +23,9 @@ def markdown_table():
             if model is Nominal and key in Plant.model_fields:
                 continue
             lo, hi = number_limits(info)
-            limits = f"{limit_text(lo)} .. {limit_text(hi)}" if hi is not None else ""
-            limits = " or ".join(toml_value(choice) for choice in field_choices(info)) or limits
-            row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{unit_suffix(info)} |"
+            limits = f"{number_text(lo)} .. {number_text(hi)}" if hi is not None else ""
+            limits = " or ".join(toml_value(choice) for choice in literal_choices(info)) or limits
+            row = f"| `{key}` | `{toml_value(info.default)}` | {limits} |{spaced_unit(info)} |"
             row += f" {known[key].kind} |" if known else ""
             why = f"; {known[key].text}" if section == "firmware" else ""
             lines.append(row + f" {info.description}{why} |" * described)
@@ -38,9 +38,9 @@ def target_table():
     lines = ["| key | default | limits | unit | meaning |", "|---|---|---|---|---|"]
     for key, info in Target.model_fields.items():
         lo, hi = number_limits(info)
-        limits = f"{limit_text(lo)} .. {limit_text(hi)}" if hi is not None else ""
+        limits = f"{number_text(lo)} .. {number_text(hi)}" if hi is not None else ""
         default = "" if info.default is None else f"`{toml_value(info.default)}`"
-        lines.append(f"| `{key}` | {default} | {limits} |{unit_suffix(info)} | {info.description} |")
+        lines.append(f"| `{key}` | {default} | {limits} |{spaced_unit(info)} | {info.description} |")
     return "\n".join(lines)
 
 

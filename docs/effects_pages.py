@@ -22,7 +22,7 @@ from testbench import config  # noqa: E402
 from testbench.console.markdown import replace_part  # noqa: E402
 from testbench.measured.closed_loop import loop_runs  # noqa: E402
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run  # noqa: E402
-from testbench.measured.closed_loop.loop_tangents import use_uniform_references  # noqa: E402
+from testbench.measured.closed_loop.loop_tangents import disable_retiming  # noqa: E402
 from testbench.measured.record.recording_plan import Condition  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
@@ -73,7 +73,7 @@ def measure_table(names, bench=None):
             temp = 45.0 if name == "pickoff_drift" else 25.0
             on = config.changed(base, {f"effects.{name}": effect.EXAMPLE})
             # slips of re-timed edges are other ones with an effect: several ppm in one dwell
-            models = [Model(use_uniform_references(c)) for c in (base, on)]
+            models = [Model(disable_retiming(c)) for c in (base, on)]
             jobs += [(name, Run(m, k, SEED, base, smooth=True)) for m in models for k in conditions(temp)]
     found = bench.run([run for _, run in jobs], FAST)
     for i in range(0, len(jobs), 4):

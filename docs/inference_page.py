@@ -35,10 +35,10 @@ PARTS = {
     "summary": summary_part,
     "classes": _part(inference_page.classes_table),
     "changes": _part(inference_page.changes_table),
-    "held_changes": _part(inference_page.holdout_changes_table, inference_page.sign_table),
+    "held_changes": _part(inference_page.heldout_changes_table, inference_page.sign_table),
     "decide": _part(inference_page.measurements_table),
     "choices": _part(inference_page.choices_table, inference_page.modes_table),
     "numbers": _part(inference_page.numbers_table),
     "rows": _part(inference_page.rows_table),
-    "held": _part(inference_page.holdout_table),
+    "held": _part(inference_page.heldout_rows_table),
 }

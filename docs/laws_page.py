@@ -57,7 +57,7 @@ SUMS = (("one density", 0), ("resistors", 1), ("amplifier current", 4), ("ring",
 def paper(symbol):
     """(values, standard uncertainties) of a mean over cases 1 to 3 at the three temperatures."""
     rows = numbers.numbers()
-    found = [numbers.case_mean(rows, symbol, temp) for temp in TEMPS]
+    found = [numbers.case_mean_row(rows, symbol, temp) for temp in TEMPS]
     return np.array([n.values[0] for n in found]), np.array([n.sigma for n in found])
 
 

@@ -16,7 +16,7 @@ sys.path.insert(0, str(ROOT))
 from testbench.console.markdown import markdown, replace_part  # noqa: E402
 from testbench.console.text_table import Table  # noqa: E402
 from testbench.measured.exam.part_page import is_unexplained, number  # noqa: E402
-from testbench.measured.sets_report import residual_words  # noqa: E402
+from testbench.measured.sets_report import residual_sentence  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
 KEPT = ROOT / "docs" / "measured_parts.json"
@@ -36,7 +36,7 @@ def summary(data):
                 "effects": [{k: _short(e[k]) for k in EFFECT if k in e} for e in job["effects"]],
                 "heldout": {p: {k: _short(h[k]) for k in HELD if k in h} for p, h in job["heldout"].items()},
                 "rest": {
-                    p: residual_words(job, p) for p, h in job["heldout"].items() if is_unexplained(h) or _tested(job)
+                    p: residual_sentence(job, p) for p, h in job["heldout"].items() if is_unexplained(h) or _tested(job)
                 },
             }
             for job in found["jobs"]

@@ -41,7 +41,7 @@ from fpga_model import registers  # noqa: E402
 from testbench import config  # noqa: E402
 from testbench.config import Config  # noqa: E402
 from testbench.console.markdown import markdown, replace_part  # noqa: E402
-from testbench.console.text_table import Table, fixed_digits  # noqa: E402
+from testbench.console.text_table import Table, to_decimals  # noqa: E402
 from testbench.judge import judge, phases  # noqa: E402
 from testbench.judge.number_verdict import NOT_COMPUTED  # noqa: E402
 from testbench.paper import closed_form, judge_table, simulated  # noqa: E402
@@ -76,7 +76,7 @@ def budget_summary(planned, plain):
         gap_deg = node[name] - PAPER_DEG[name]
         gap_ns = gap_deg / 360 / planned.frequency_hz * 1e9
         values = (node[name], ns, loop.get(name), without[name], PAPER_DEG[name])
-        cells = (fixed_digits(value, digits) for value, digits in zip(values, (4, 1, 4, 4, 4)))
+        cells = (to_decimals(value, digits) for value, digits in zip(values, (4, 1, 4, 4, 4)))
         rows.append((name, *cells, f"{gap_deg:+.4f} ({gap_ns:+.0f} ns)", beside[name]["verdict"]))
     heads = ("phase", "node deg", "ns", "loop deg", "without the assumptions deg", "paper deg", "node less paper",
              "verdict")  # fmt: skip
@@ -131,9 +131,9 @@ def rivals_part():
         planned = budget.budget(config.changed(Config(), values))
         deg = planned.node_deg()
         gaps_ns = [(deg[n] - PAPER_DEG[n]) / 360 / planned.frequency_hz * 1e9 for n in ("xe1", "ye1")]
-        xe1, ye1 = fixed_digits(deg["xe1"], 4), fixed_digits(deg["ye1"], 4)
+        xe1, ye1 = to_decimals(deg["xe1"], 4), to_decimals(deg["ye1"], 4)
         rows.append((text, xe1, f"{gaps_ns[0]:+.0f} ns", ye1, f"{gaps_ns[1]:+.0f} ns"))
-    rows.append(("the paper", fixed_digits(PAPER_DEG["xe1"], 4), "", fixed_digits(PAPER_DEG["ye1"], 4), ""))
+    rows.append(("the paper", to_decimals(PAPER_DEG["xe1"], 4), "", to_decimals(PAPER_DEG["ye1"], 4), ""))
     heads = ("hardware", "xe1 deg", "less paper", "ye1 deg", "less paper")
     return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{run_tables.FITTED}"
 

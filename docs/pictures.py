@@ -276,7 +276,7 @@ def trace():
         seen = {}
         for k, features in zip(held, predicted):
             rows = problem.segments[k].observables[0].rows
-            seen.setdefault(problem.segments[k].group, []).append((problem.segment_features(k) - features)[rows])
+            seen.setdefault(problem.segments[k].group, []).append((problem.observed_features(k) - features)[rows])
         for n, (group, repeats) in enumerate(seen.items()):
             amplitude = problem.segments[next(k for k in held if problem.segments[k].group == group)].condition["A"]
             axis.plot(

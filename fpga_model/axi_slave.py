@@ -105,8 +105,8 @@ def step(s, awvalid, awaddr, wvalid, wdata, wstrb, bready, arvalid, araddr, rrea
         bvalid = 0
     if writes(s) == 1:
         awready, wready, bvalid = 1, 1, 1
-        full_word = s.awaddr & WITHIN_WORD == 0 and (s.wstrb == EVERY_BYTE or s.wstrb == 0)
-        bresp = OKAY if full_word else SLVERR
+        is_full_word = s.awaddr & WITHIN_WORD == 0 and (s.wstrb == EVERY_BYTE or s.wstrb == 0)
+        bresp = OKAY if is_full_word else SLVERR
 
     arready, rvalid, rdata, rresp = s.arready, s.rvalid, s.rdata, s.rresp
     takes_read = 1 if s.arready == 1 and arvalid == 1 else 0

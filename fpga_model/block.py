@@ -27,7 +27,7 @@ BIT = bits(1)
 NOTHING = MappingProxyType({})
 
 
-def design_value(value, design):
+def resolve_value(value, design):
     """A value, or what a function of the design makes of it."""
     return value(design) if callable(value) else value
 
@@ -41,7 +41,7 @@ class Rom(NamedTuple):
 
     def for_design(self, design):
         """The table of a design, in plain numbers."""
-        return Rom(self.name, int(design_width(self.width, design)), tuple(map(int, design_value(self.words, design))))
+        return Rom(self.name, int(design_width(self.width, design)), tuple(map(int, resolve_value(self.words, design))))
 
 
 class Block(NamedTuple):
@@ -130,21 +130,21 @@ def leaves(record, path=""):
 
 def parameter_defaults(shape, path=""):
     """{dotted name: default} of the parameters of a shape of formats that have a default: those that came later."""
-    defaults = {}
+    default_by_name = {}
     for name, item in _items(shape):
-        dotted = f"{path}.{name}" if path else name
+        dotted_name = f"{path}.{name}" if path else name
         if isinstance(item, Fmt):
             field_defaults = getattr(type(shape), "_field_defaults", NOTHING)
-            defaults |= {dotted: field_defaults[name]} if name in field_defaults else {}
+            default_by_name |= {dotted_name: field_defaults[name]} if name in field_defaults else {}
         elif item:
-            defaults |= parameter_defaults(item, dotted)
-    return defaults
+            default_by_name |= parameter_defaults(item, dotted_name)
+    return default_by_name
 
 
 def flattened_parameters(params, shape):
     """(dotted name, value, format) of parameters, without those that came later and have their default."""
-    formats_of, defaults = dict(leaves(shape)), parameter_defaults(shape)
-    return [(name, int(v), formats_of[name]) for name, v in leaves(params) if defaults.get(name) != v]
+    formats_of, default_by_name = dict(leaves(shape)), parameter_defaults(shape)
+    return [(name, int(v), formats_of[name]) for name, v in leaves(params) if default_by_name.get(name) != v]
 
 
 def required_parameters(shape, present):
@@ -153,10 +153,10 @@ def required_parameters(shape, present):
     return [(port_name(name), fmt) for name, fmt in leaves(shape) if port_name(name) in present or name not in added]
 
 
-def raws(shape, raw_values):
+def raws(shape, raw_by_name):
     """Raw values in the order of a shape from {flat name: raw}; what came later and is not given has its default."""
-    by_name = {port_name(name): value for name, value in parameter_defaults(shape).items()} | raw_values
-    return [by_name[port_name(name)] for name, _ in leaves(shape)]
+    value_by_name = {port_name(name): value for name, value in parameter_defaults(shape).items()} | raw_by_name
+    return [value_by_name[port_name(name)] for name, _ in leaves(shape)]
 
 
 def fill_shape(shape, take):
@@ -183,13 +183,13 @@ def design_formats(shape, design):
 
 def reset(state, params):
     """A reset state with the optional parts `Record | None` that the parameters have."""
-    parts = {}
+    part_states = {}
     for name, module in state_modules(type(state)).items():
         part_params = getattr(params, name, None)
         if part_params is not None and hasattr(part_params, "_fields"):
             part = getattr(state, name)
-            parts[name] = reset(module.State() if part is None else part, part_params)
-    return state._replace(**parts)
+            part_states[name] = reset(module.State() if part is None else part, part_params)
+    return state._replace(**part_states)
 
 
 # ---- ports -----------------------------------------------------------------------------------------------------------
@@ -208,8 +208,8 @@ def arguments(module):
 def structure(module, design=DEFAULT):
     """{argument: value} of what `step` takes of a design: the record `d` itself, and `rom`, the module's `table`."""
     names = arguments(module)
-    values = {"d": design} if "d" in names else {}
-    return values | ({"rom": module.table(design)} if "rom" in names else {})
+    argument_values = {"d": design} if "d" in names else {}
+    return argument_values | ({"rom": module.table(design)} if "rom" in names else {})
 
 
 def shapes(module, design=DEFAULT):
@@ -253,10 +253,10 @@ def state_modules(state):
 
 def values_by_prefix(module, get):
     """{prefix: value of `get`} of a block and of those within it that declare themselves."""
-    by_prefix = {"": get(module.BLOCK)}
+    value_by_prefix = {"": get(module.BLOCK)}
     for field, part in state_modules(module.State).items():
-        by_prefix |= {f"{field}_{prefix}": value for prefix, value in values_by_prefix(part, get).items()}
-    return by_prefix
+        value_by_prefix |= {f"{field}_{prefix}": value for prefix, value in values_by_prefix(part, get).items()}
+    return value_by_prefix
 
 
 def rules(module):
@@ -268,7 +268,7 @@ def rules(module):
 def cases(module, design=DEFAULT):
     """{name: Params, or None where there are none}."""
     if module.BLOCK.cases is not None:
-        return design_value(module.BLOCK.cases, design)
+        return resolve_value(module.BLOCK.cases, design)
     return {"default": module.design() if parameters(module) else None}
 
 
@@ -283,7 +283,7 @@ class _KeyTracker:
         return getattr(DEFAULT, name)
 
 
-def reset_registers(module, design=DEFAULT):
+def power_on_registers(module, design=DEFAULT):
     """The registers of a block of a design at power-on."""
     return module.reset(design) if hasattr(module, "reset") else module.State()
 
@@ -291,14 +291,14 @@ def reset_registers(module, design=DEFAULT):
 @functools.cache
 def keys(module):
     """The keys of the design that formats, reset values, tables and latency depend on: parameters of a block's RTL."""
-    tracker = _KeyTracker()
-    for derive in (parameters, inputs, pins, reset_registers):
-        derive(module, tracker)
-    formats(module.State, tracker)
-    design_value(module.BLOCK.latency, tracker)
+    key_tracker = _KeyTracker()
+    for design_function in (parameters, inputs, pins, power_on_registers):
+        design_function(module, key_tracker)
+    formats(module.State, key_tracker)
+    resolve_value(module.BLOCK.latency, key_tracker)
     for rom in module.BLOCK.roms:
-        rom.for_design(tracker)
-    return tuple(key for key in Design._fields if key in tracker.read)
+        rom.for_design(key_tracker)
+    return tuple(key for key in Design._fields if key in key_tracker.read)
 
 
 # ---- runners ---------------------------------------------------------------------------------------------------------
@@ -308,8 +308,8 @@ def _text(shape, column):
     """Source of an argument from the columns of a row `r`."""
     if isinstance(shape, Fmt):
         return f"r[{next(column)}]"
-    elements = ", ".join(_text(item, column) for item in shape)
-    return f"{type(shape).__name__}({elements})" if hasattr(shape, "_fields") else f"({elements},)"
+    element_texts = ", ".join(_text(item, column) for item in shape)
+    return f"{type(shape).__name__}({element_texts})" if hasattr(shape, "_fields") else f"({element_texts},)"
 
 
 def _paths(record, text):
@@ -332,17 +332,17 @@ def runner_text(module):
     Row n: _regs[n], _pins[n] before edge n; then the edge, or reset if stim[n, 0] = 1.
     """
     column = itertools.count(1)
-    sources = {name: name for name in ("d", "rom", "p", "s")} | {
+    argument_sources = {name: name for name in ("d", "rom", "p", "s")} | {
         name: _text(shape, column) for name, shape in shapes(module).items()
     }
     lines = [f"_regs[n, {k}] = {text}" for k, text in enumerate(_paths(module.State(), "s"))]
     number = itertools.count()
     for name, shape in module.BLOCK.outputs.items():
         names = inspect.signature(python_function(getattr(module, name))).parameters
-        call = f"{name}({', '.join(sources[k] for k in names)})"
+        call = f"{name}({', '.join(argument_sources[k] for k in names)})"
         fields = [""] if isinstance(shape, Fmt) else [f".{field}" for field in shape._fields]
         lines += [f"_pins[n, {next(number)}] = {call}{field}" for field in fields]
-    call = f"step({', '.join(sources[name] for name in arguments(module))})"
+    call = f"step({', '.join(argument_sources[name] for name in arguments(module))})"
     lines.append(f"s = reset if r[0] == 1 else {call}")
     head = "def run(d, rom, p, s, stim, _regs, _pins):\n    reset = s\n"
     loop = "    for n in range(stim.shape[0]):\n        r = stim[n]\n"

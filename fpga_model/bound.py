@@ -32,22 +32,22 @@ def _digest_code(code):
     return _codes[code]
 
 
-def _bound_values(path, value, names):
+def _reachable_values(dotted_path, value, names):
     """(path, value) behind a name; behind that of a module of ours, what of it has one of the other names."""
     if not isinstance(value, ModuleType):
-        yield path, value
+        yield dotted_path, value
     elif value.__name__.partition(".")[0] not in LIBRARIES:
         for name in sorted(names & vars(value).keys()):
-            yield from _bound_values(f"{path}.{name}", vars(value)[name], names - {name})
+            yield from _reachable_values(f"{dotted_path}.{name}", vars(value)[name], names - {name})
 
 
 def _bound(function):
     """[(path, value)] of all that the code of a function names."""
     names, global_values = _digest_code(function.__code__)[1], function.__globals__
-    bound_values = [("", cell.cell_contents) for cell in function.__closure__ or ()]
+    bound_pairs = [("", cell.cell_contents) for cell in function.__closure__ or ()]
     for name in sorted(names & global_values.keys()):
-        bound_values += _bound_values(name, global_values[name], names)
-    return bound_values
+        bound_pairs += _reachable_values(name, global_values[name], names)
+    return bound_pairs
 
 
 def _describe(value, functions):
@@ -71,7 +71,7 @@ def _digest_function(function):
     ids = [id(value) for _, value in bindings]
     if function not in _read or _read[function][0] != ids:
         functions = []
-        lines = [f"{path} = {_describe(value, functions)}" for path, value in bindings]
+        lines = [f"{dotted_path} = {_describe(value, functions)}" for dotted_path, value in bindings]
         lines += [_describe(function.__defaults__, functions), _digest_code(function.__code__)[0]]
         text = hashlib.sha256("\n".join(lines).encode()).hexdigest()
         _read[function] = ids, bindings, f"{function.__module__}.{function.__qualname__} {text}", functions
@@ -80,13 +80,13 @@ def _digest_function(function):
 
 def _reachable_functions(function):
     """{function: (text, functions)} of a function and all that it reaches."""
-    digests, ahead = {}, [function]
+    digest_by_function, ahead = {}, [function]
     while ahead:
         now = ahead.pop()
-        if now not in digests:
-            digests[now] = _digest_function(now)
-            ahead += digests[now][1]
-    return digests
+        if now not in digest_by_function:
+            digest_by_function[now] = _digest_function(now)
+            ahead += digest_by_function[now][1]
+    return digest_by_function
 
 
 def digest(function):
@@ -104,5 +104,5 @@ def compiled(function):
 def outdated_functions():
     """Names of compiled functions in which a name stands for something else now: their machine code is outdated."""
     # another thread may compile meanwhile
-    digests = tuple(_compiled.items())
-    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in digests if _digest_function(f) != was)
+    compiled_digests = tuple(_compiled.items())
+    return sorted(f"{f.__module__}.{f.__qualname__}" for f, was in compiled_digests if _digest_function(f) != was)

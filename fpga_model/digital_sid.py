@@ -123,7 +123,7 @@ def design(
 
 
 @inlined
-def _apply_sign(refs, k, x):
+def _apply_reference_sign(refs, k, x):
     return x if (refs >> k) & 1 else -x
 
 
@@ -175,10 +175,10 @@ def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
         still = clamp(s.still + 1, 0, p.still) if rests else 0
         line = (refs, s.refs[0], s.refs[1], s.refs[2])
         x = (
-            _apply_sign(now, 0, sample_x),
-            _apply_sign(now, 1, sample_x),
-            _apply_sign(now, 2, sample_y),
-            _apply_sign(now, 3, sample_y),
+            _apply_reference_sign(now, 0, sample_x),
+            _apply_reference_sign(now, 1, sample_x),
+            _apply_reference_sign(now, 2, sample_y),
+            _apply_reference_sign(now, 3, sample_y),
         )
         if dump:
             a = s.acc

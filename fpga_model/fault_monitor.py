@@ -125,14 +125,14 @@ def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, 
         return State(codes, 0, 0, 0, 0, 0, 0, 0, 0, 0)
     e = _exceeds_range(codes[0]), _exceeds_range(codes[1]), _exceeds_range(codes[2]), _exceeds_range(codes[3])
     first = _rests(codes[0], s.codes[0], e[0]) | _rests(codes[1], s.codes[1], e[1])
-    still = first | _rests(codes[2], s.codes[2], e[2]) | _rests(codes[3], s.codes[3], e[3])
-    range_count = _count(s.over_range, fresh and (e[0] | e[1] | e[2] | e[3]), p.over_range)
-    stuck = _count(s.stuck, fresh and watch_stuck and still, p.stuck)
+    any_still = first | _rests(codes[2], s.codes[2], e[2]) | _rests(codes[3], s.codes[3], e[3])
+    overrange_count = _count(s.over_range, fresh and (e[0] | e[1] | e[2] | e[3]), p.over_range)
+    stuck = _count(s.stuck, fresh and watch_stuck and any_still, p.stuck)
     drive_count = _count(s.drive, drive, p.drive)
     rate_count = _count(s.rate, rate, p.rate)
     rail_count = _count(s.rail, rail, p.rail)
     flags = (
-        _flag(range_count, p.over_range, OVER_RANGE)
+        _flag(overrange_count, p.over_range, OVER_RANGE)
         | _flag(stuck, p.stuck, STUCK)
         | _flag(drive_count, p.drive, DRIVE_SATURATED)
         | _flag(rate_count, p.rate, RATE_SATURATED)
@@ -143,7 +143,7 @@ def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, 
     bad = flags & BAD
     return State(
         codes=codes if fresh else s.codes,
-        over_range=range_count,
+        over_range=overrange_count,
         stuck=stuck,
         drive=drive_count,
         rate=rate_count,

@@ -124,22 +124,22 @@ class Fmt(NamedTuple):
         return Fmt(*(int(bits) if design is None else design_width(bits, design) for bits in self))
 
 
-def formats(record, design=None, template=None):
+def formats(record, design=None, parts_template=None):
     """`record` filled with the formats of its registers, which are the types of its fields; a list for a tuple.
 
-    A part `Record | None` is None, unless a record `template` has it.
+    A part `Record | None` is None, unless a record `parts_template` has it.
 
     design  as in `Fmt.for_design`
     """
     hints = get_type_hints(record).items()
-    return record(*(_format(hint, design, getattr(template, name, None)) for name, hint in hints))
+    return record(*(_format(hint, design, getattr(parts_template, name, None)) for name, hint in hints))
 
 
-def _format(hint, design, template):
+def _format(hint, design, parts_template):
     if isinstance(hint, UnionType):
-        return None if template is None else formats(hint.__args__[0], design, template)
+        return None if parts_template is None else formats(hint.__args__[0], design, parts_template)
     if isinstance(hint, type):
-        return formats(hint, design, template)
+        return formats(hint, design, parts_template)
     return tuple(fmt.for_design(design) for fmt in hint) if isinstance(hint, list) else hint.for_design(design)
 
 

@@ -99,7 +99,7 @@ def step(d, p, s, en, en_pi, mode, phase, load, adjust, correction, preset):
     )
 
 
-def _limited_params(d, limit_hz):
+def _limited_loop_params(d, limit_hz):
     """The default loop with limits in words of a design: its own gains may be below an LSB."""
     limit = max(round(limit_hz * word_per_hz(d)), 1)
     return Params(loop=design().loop._replace(lo=-limit, hi=limit))
@@ -119,7 +119,7 @@ BLOCK = Block(
     },
     latency={"error": 1, "word": LATENCY},
     # the limits of the design are 22,000 frames away: those of the second case are near
-    cases=lambda d: {"default": _limited_params(d, 100.0), "narrow": _limited_params(d, 0.05)},
+    cases=lambda d: {"default": _limited_loop_params(d, 100.0), "narrow": _limited_loop_params(d, 0.05)},
     rules={"centre": (None, "wrap"), "word": (None, "wrap")},
     strobes=("en", "en_pi"),
 )

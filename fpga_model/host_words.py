@@ -60,8 +60,8 @@ def _firmware_word(f, register):
         c.rate_output.y & host_bus.WORD_MASK,
         c.rate_output.t & LOW_16,
     )
-    index = register - registers.FIRST_READ_ONLY
-    return words[index] if index < len(words) else 0
+    word_index = register - registers.FIRST_READ_ONLY
+    return words[word_index] if word_index < len(words) else 0
 
 
 @inlined
@@ -74,8 +74,8 @@ def _port_word(b, errors, register):
         b.held_number,
         errors,
     )
-    index = register - host_bus.FIRST
-    return words[index] if index < len(words) else 0
+    word_index = register - host_bus.FIRST
+    return words[word_index] if word_index < len(words) else 0
 
 
 @inlined

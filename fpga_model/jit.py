@@ -34,7 +34,7 @@ CACHE = cache_folder(Path(__file__).resolve()) is not None
 
 
 @contextlib.contextmanager
-def _pause_collector():
+def _pause_garbage_collector():
     """Without the collector, which would look through millions of objects of a compilation that still lives."""
     was = gc.isenabled()
     gc.disable()
@@ -77,7 +77,7 @@ def _compile_unit(func, buried=False, **options):
                 # nothing calls itself, so none waits in a ring
                 compiles = f"compiles {func.__module__}.{func.__qualname__}"
                 file_lock = shared_files.wait_for_lock(cache.lock, compiles) if cache else contextlib.nullcontext()
-                with file_lock, _pause_collector():
+                with file_lock, _pause_garbage_collector():
                     if cache is not None:
                         cache.read(signature)
                     entry = compile_or_load(signature)
@@ -130,7 +130,7 @@ def _reject_call(func):
 
 
 @functools.cache
-def _standalone_unit(func):
+def _compile_standalone_unit(func):
     return _compile_unit(func, _nrt=False)
 
 
@@ -160,4 +160,4 @@ def inlined(func):
 
     A call from Python compiles it once more, alone.
     """
-    return _inline_part(func, _standalone_unit, forceinline=True)
+    return _inline_part(func, _compile_standalone_unit, forceinline=True)

@@ -41,7 +41,7 @@ IMPORT = re.compile(
     rf"|import[ \t]+((?:{'|'.join(PACKAGES)})[\w.]*))",
     re.MULTILINE,
 )
-MOST_OLD_CACHES, LEAST_AGE_S = (
+MOST_OLD_CACHES, LEAST_CACHE_AGE_S = (
     4,
     3600.0,
 )  # of other versions of the sources; another process may still use a younger one
@@ -64,28 +64,28 @@ def _module_file(name):
 @functools.cache
 def imported_files(path):
     """Our own source files that the file `path` imports, with the packages above them."""
-    files = set()
+    source_files = set()
     for module, names, plain in IMPORT.findall(path.read_text()):
-        modules = [module or plain]
+        module_names = [module or plain]
         for name in re.sub(r"#[^\n]*|[()]", "", names).split(","):
             if words := name.split():
-                modules.append(f"{module}.{words[0]}")
-        for name in modules:
+                module_names.append(f"{module}.{words[0]}")
+        for name in module_names:
             parts = name.split(".")
-            files |= {_module_file(".".join(parts[:n])) for n in range(1, len(parts) + 1)}
-    return frozenset(files - {None, path})
+            source_files |= {_module_file(".".join(parts[:n])) for n in range(1, len(parts) + 1)}
+    return frozenset(source_files - {None, path})
 
 
 @functools.cache
 def kernel_sources(path):
     """The file `path` and all of ours that it imports, directly or not: all that its kernels can be compiled from."""
-    sources, ahead = set(), [path]
+    source_files, ahead = set(), [path]
     while ahead:
         file = ahead.pop()
-        if file not in sources:
-            sources.add(file)
+        if file not in source_files:
+            source_files.add(file)
             ahead.extend(imported_files(file))
-    return tuple(sorted(sources))
+    return tuple(sorted(source_files))
 
 
 @functools.cache
@@ -116,12 +116,12 @@ def _fault(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             folder.mkdir(mode=0o700)
-        status = folder.stat()
-        if not stat.S_ISDIR(status.st_mode):
+        folder_status = folder.stat()
+        if not stat.S_ISDIR(folder_status.st_mode):
             return "is no folder"
-        if status.st_uid != os.geteuid():
-            return f"belongs to another user (uid {status.st_uid})"
-        if status.st_mode & SHARED_WRITE_BITS:
+        if folder_status.st_uid != os.geteuid():
+            return f"belongs to another user (uid {folder_status.st_uid})"
+        if folder_status.st_mode & SHARED_WRITE_BITS:
             folder.chmod(0o700)
     except (OSError, RuntimeError) as problem:
         return f"cannot be written: {getattr(problem, 'strerror', None) or problem}"
@@ -131,11 +131,11 @@ def _fault(folder):
 @functools.cache
 def cache_root():
     """Folder that all caches lie in, or None; where the user has none, libraries and children use the private one."""
-    setting = os.environ.get("GYRO_CACHE") or os.environ.get("XDG_CACHE_HOME")
-    if setting == "0":
+    cache_setting = os.environ.get("GYRO_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    if cache_setting == "0":
         return None
     try:
-        root = Path(setting) if setting else Path.home() / ".cache"
+        root = Path(cache_setting) if cache_setting else Path.home() / ".cache"
         fault = _fault(root / FOLDER)
     except RuntimeError:  # neither HOME nor an entry in passwd
         root, fault = None, "no home that can be written"
@@ -167,7 +167,7 @@ def cache_folder(path):
         os.utime(folder)
         if new:
             for old in sorted(home.glob("?" * 16), key=lambda p: p.stat().st_mtime)[:-MOST_OLD_CACHES]:
-                if time.time() - old.stat().st_mtime > LEAST_AGE_S:
+                if time.time() - old.stat().st_mtime > LEAST_CACHE_AGE_S:
                     shutil.rmtree(old, ignore_errors=True)
     except OSError:
         return None
@@ -190,10 +190,10 @@ def read_sealed(path, identity):
     """Contents of a file that was written for `identity`; None if there is none, or, with one line, another."""
     try:
         with open(shared_files.open_regular(path, os.O_RDONLY), "rb") as file:
-            status = os.fstat(file.fileno())
+            file_status = os.fstat(file.fileno())
             data = file.read()
         body = memoryview(data)[SEAL_BYTES:]
-        if status.st_uid != os.geteuid() or status.st_mode & SHARED_WRITE_BITS:
+        if file_status.st_uid != os.geteuid() or file_status.st_mode & SHARED_WRITE_BITS:
             fault = "can be written by another user"
         elif data[:SEAL_BYTES] != _seal(identity, body):
             fault = "is damaged"
@@ -277,14 +277,14 @@ class KernelCache:
 
     def flush(self):
         """Forget the machine code for all arguments, before it is compiled anew."""
-        for path in self.files():
+        for path in self.kernel_files():
             path.unlink(missing_ok=True)
 
-    def files(self):
+    def kernel_files(self):
         """Files of the function; copies of the same sources have symbols, and so files, of their own."""
         return list(self._folder.glob(f"{self._stem}-*{ENDING}"))
 
 
 def is_cached(dispatcher):
     """Whether the cache has machine code of a function, made from this copy of its source."""
-    return bool(dispatcher._cache.files())
+    return bool(dispatcher._cache.kernel_files())

@@ -76,12 +76,12 @@ def _reachable_libraries(part):
 
     LLVM's linker takes in what may be dropped only where something that it has already asks for it.
     """
-    out, visited = [], set()
+    out, visited_libraries = [], set()
 
     def visit(library):
-        visited.add(library)
+        visited_libraries.add(library)
         for other in library._linking_libraries if isinstance(library, Part) else ():
-            if other not in visited:
+            if other not in visited_libraries:
                 visit(other)
         out.append(library)
 
@@ -122,15 +122,15 @@ def make_unit(dispatcher, result):
 
 def units(library):
     """[(module, function, symbol, arguments)] of the units that a freshly compiled library calls."""
-    visited, ahead, by_symbol = set(), list(library._linking_libraries), {}
+    visited_libraries, ahead, unit_by_symbol = set(), list(library._linking_libraries), {}
     while ahead:
         other = ahead.pop()
-        if other not in visited:
-            visited.add(other)
+        if other not in visited_libraries:
+            visited_libraries.add(other)
             if unit := getattr(other, "unit", None):
-                by_symbol[unit[:3]] = unit
+                unit_by_symbol[unit[:3]] = unit
             ahead.extend(other._linking_libraries if isinstance(other, Part) else ())
-    return [by_symbol[key] for key in sorted(by_symbol)]
+    return [unit_by_symbol[key] for key in sorted(unit_by_symbol)]
 
 
 def find_units(linked_units):

@@ -17,7 +17,7 @@ from fpga_model.design_record import DEFAULT
 from fpga_model.jit import inlined, inner
 
 TICK = rates.State.__annotations__["tick"]
-MOST_CODE_REGISTERS = 8
+MOST_CODE_DELAY_CLOCKS = 8
 
 
 class Params(NamedTuple):
@@ -31,26 +31,26 @@ class Params(NamedTuple):
     sense_load: TICK
 
 
-def design(shared, before=(0, 0), after=(0, 0), d=DEFAULT):
+def design(shared, clocks_before=(0, 0), clocks_after=(0, 0), d=DEFAULT):
     """`Params` of (drive, sense) clocks before and behind, or None where all are 0.
 
     shared  registers of both delay lines already
     d       the design record
     Raises ValueError for a line or a delay that is too long.
     """
-    if not any((*before, *after)):
+    if not any((*clocks_before, *clocks_after)):
         return None
-    for role, first, second in zip(("drive", "sense"), before, after, strict=True):
+    for role, first, second in zip(("drive", "sense"), clocks_before, clocks_after, strict=True):
         if not 0 <= shared + first <= delay.MAX_DEPTH:
             keys = f"firmware.pipeline_registers + {role}_sine_registers"
             raise ValueError(f"{keys} = {shared + first} is outside 0 .. {delay.MAX_DEPTH}")
-        most = min(MOST_CODE_REGISTERS, d.tick_clocks - 1 - spi_dac.LOAD_TICK)
+        most = min(MOST_CODE_DELAY_CLOCKS, d.tick_clocks - 1 - spi_dac.LOAD_TICK)
         if not 0 <= second <= most:
             raise ValueError(
                 f"firmware.{role}_code_registers = {second} is outside 0 .. {most}, the clocks of a tick behind it"
             )
-    pipes = [delay.design(shared + n) for n in before]
-    return Params(*pipes, *(tick + n for n in after for tick in (spi_dac.CODE_TICK, spi_dac.LOAD_TICK)))
+    pipes = [delay.design(shared + n) for n in clocks_before]
+    return Params(*pipes, *(tick + n for n in clocks_after for tick in (spi_dac.CODE_TICK, spi_dac.LOAD_TICK)))
 
 
 @inner

@@ -18,11 +18,11 @@ class _Replace(AbstractTemplate):
     def generic(self, args, kws):
         if args or not set(kws) <= set(self.this.fields):
             return None
-        new_types = [kws.get(name, types.none) for name in self.this.fields]
-        field_types = [old if new is types.none else new for old, new in zip(self.this.types, new_types)]
+        replacement_types = [kws.get(name, types.none) for name in self.this.fields]
+        field_types = [old if new is types.none else new for old, new in zip(self.this.types, replacement_types)]
         names = [Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=None) for name in self.this.fields]
         changed = types.BaseTuple.from_types(field_types, self.this.instance_class)
-        return signature(changed, *new_types, recvr=self.this).replace(pysig=Signature(names))
+        return signature(changed, *replacement_types, recvr=self.this).replace(pysig=Signature(names))
 
 
 @infer_getattr
@@ -35,9 +35,9 @@ class _Attribute(AttributeTemplate):
 
 @lower_builtin(KEY, types.BaseNamedTuple, types.VarArg(types.Any))
 def _lower_replace(context, builder, sig, args):
-    record, *new_values = args
+    record, *replacement_values = args
     items = (
         builder.extract_value(record, k) if kind is types.none else value
-        for k, (kind, value) in enumerate(zip(sig.args[1:], new_values))
+        for k, (kind, value) in enumerate(zip(sig.args[1:], replacement_values))
     )
     return context.make_tuple(builder, sig.return_type, items)

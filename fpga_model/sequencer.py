@@ -189,9 +189,9 @@ def design(**values):
     d = Design(**values)
     faults = fault_monitor.design() if d.faults is None else d.faults
     times_s = [getattr(d, f"{name}_s") for name in Params._fields[:9]]
-    durations_s = list(zip(Params._fields, times_s, strict=False))
-    frames = [quantize(v * d.record.frame_hz, TIMER, f"{k}_s (frames)") for k, v in durations_s]
-    for (name, time_s), n in zip(durations_s, frames):
+    state_durations_s = list(zip(Params._fields, times_s, strict=False))
+    frames = [quantize(v * d.record.frame_hz, TIMER, f"{k}_s (frames)") for k, v in state_durations_s]
+    for (name, time_s), n in zip(state_durations_s, frames):
         if n < 1:
             raise ValueError(f"{name}_s: {time_s} s is shorter than one frame, {1 / d.record.frame_hz} s")
     search = frames[Params._fields.index("search")]
@@ -219,20 +219,20 @@ def design(**values):
 @inlined
 def _lock_mask(control):
     """Loops whose lock counts: those that the user neither holds nor fixes."""
-    mask = lock_monitor.ALL
+    loop_mask = lock_monitor.ALL
     if control & HOLD_AGC:
-        mask &= ~lock_monitor.AGC
+        loop_mask &= ~lock_monitor.AGC
     if control & HOLD_PLL:
-        mask &= ~lock_monitor.PLL
+        loop_mask &= ~lock_monitor.PLL
     if control & (HOLD_FTR | FIX_FTR):
-        mask &= ~lock_monitor.FTR
+        loop_mask &= ~lock_monitor.FTR
     if control & (HOLD_QSC | FIX_QSC):
-        mask &= ~lock_monitor.QSC
-    return mask
+        loop_mask &= ~lock_monitor.QSC
+    return loop_mask
 
 
 @inlined
-def _following(p, s, i, usable, search_ok, locked):
+def _following(p, s, i, usable, search_succeeded, locked):
     """The next state; `locked` has the bits of the loops that are locked or not judged."""
     state = s.state
     frames = s.timer + 1
@@ -260,7 +260,7 @@ def _following(p, s, i, usable, search_ok, locked):
             return DECAY
         if frames < p.search:
             return SEARCH
-        return RETUNE if search_ok else KICK
+        return RETUNE if search_succeeded else KICK
     if state == RETUNE:
         return ACQUIRE if frames >= p.retune else RETUNE
     if state == ACQUIRE:
@@ -288,8 +288,8 @@ def step(p, s, en, i):
 
     rotation = s.rotation + wrap(i.phase - s.last_phase, PHASE_BITS) if state == SEARCH and usable else 0
     correction = half_up(rotation * p.gain, GAIN.f)
-    search_ok = 1 if abs(correction) <= p.search_limit and i.magnitude >= p.min_magnitude else 0
-    following = _following(p, s, i, usable, search_ok, s.lock.locked | (lock_monitor.ALL & ~lock_mask))
+    search_succeeded = 1 if abs(correction) <= p.search_limit and i.magnitude >= p.min_magnitude else 0
+    following = _following(p, s, i, usable, search_succeeded, s.lock.locked | (lock_monitor.ALL & ~lock_mask))
 
     restart = following == KICK and state != KICK and state != STANDBY
     failed = 1 if restart and state < BALANCE else 0
@@ -342,8 +342,8 @@ def step(p, s, en, i):
 
 
 @inlined
-def _mode(bad, hold, mode):
-    return pi.HOLD if bad or hold else mode
+def _mode(bad, hold_requested, mode):
+    return pi.HOLD if bad or hold_requested else mode
 
 
 @inlined

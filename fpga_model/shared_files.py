@@ -28,11 +28,11 @@ class LockedError(OSError):
 def foreign_link(path):
     """The first symbolic link on the way to `path`, itself included, of a user who is neither this one nor root."""
     path = Path(os.path.abspath(path))
-    for component in (*reversed(path.parents), path):
+    for path_prefix in (*reversed(path.parents), path):
         with contextlib.suppress(OSError):
-            status = os.lstat(component)
-            if stat.S_ISLNK(status.st_mode) and status.st_uid not in (0, os.geteuid()):
-                return component
+            prefix_status = os.lstat(path_prefix)
+            if stat.S_ISLNK(prefix_status.st_mode) and prefix_status.st_uid not in (0, os.geteuid()):
+                return path_prefix
     return None
 
 
@@ -81,14 +81,14 @@ def try_lock(path):
 def wait_for_lock(path, what):
     """As `try_lock`, but waits; after PATIENCE_S one line says for whom, and what that process does."""
     until = time.monotonic() + PATIENCE_S
-    pause, notified = 0.001, False
+    pause, notice_printed = 0.001, False
     while True:
         try:
             return try_lock(path)
         except LockedError as problem:
-            if time.monotonic() > until and not notified:
+            if time.monotonic() > until and not notice_printed:
                 print(f"gyro: waits for {problem.strerror}, which {what}", file=sys.stderr, flush=True)
-                notified = True
+                notice_printed = True
         time.sleep(pause)
         pause = min(2 * pause, 0.1)
 

@@ -46,12 +46,12 @@ ROWS = 1 << ADDRESS_BITS
 assert add_fmt(BASE, PRODUCT).width + 1 <= 63, "base + product and the rounding constant must fit int64"
 
 # Derived in docs/blocks/sine.md, in LSB of y: what each stage may be wrong by at most. 355/113 is just above pi.
-PI_BOUND = Fraction(355, 113)
-INTERPOLATION_LSB = FULL_SCALE * (PI_BOUND / 2 / ROWS) ** 2 / 8
+PI_UPPER_BOUND = Fraction(355, 113)
+INTERPOLATION_LSB = FULL_SCALE * (PI_UPPER_BOUND / 2 / ROWS) ** 2 / 8
 TABLE_LSB = Fraction(1, 2 << BASE.f) + Fraction(1, 2 << SLOPE.f)
 ROUNDING_LSB = Fraction(1, 2)
 MAX_ERROR_LSB = INTERPOLATION_LSB + TABLE_LSB + ROUNDING_LSB
-PHASE_CUT_LSB = FULL_SCALE * PI_BOUND / (1 << (2 + ADDRESS_BITS + FRACTION_BITS))
+PHASE_CUT_LSB = FULL_SCALE * PI_UPPER_BOUND / (1 << (2 + ADDRESS_BITS + FRACTION_BITS))
 
 
 class State(NamedTuple):
@@ -131,17 +131,17 @@ def standard(d):
 @inlined
 def step(d, rom, s, phase):
     """One clock edge of a design `d` with its `rom`: every right-hand side reads the old registers."""
-    position = phase >> (d.dds_bits - 2 - d.sine_address_bits - d.sine_fraction_bits)
-    if position & (1 << (d.sine_address_bits + d.sine_fraction_bits)):
-        position = ~position
-    row = int(rom[(position >> d.sine_fraction_bits) & ((1 << d.sine_address_bits) - 1)])
+    quarter_position = phase >> (d.dds_bits - 2 - d.sine_address_bits - d.sine_fraction_bits)
+    if quarter_position & (1 << (d.sine_address_bits + d.sine_fraction_bits)):
+        quarter_position = ~quarter_position
+    row = int(rom[(quarter_position >> d.sine_fraction_bits) & ((1 << d.sine_address_bits) - 1)])
     slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
     magnitude = half_up((s.base2 << d.sine_fraction_bits) + s.product, d.sine_fraction_bits + PRODUCT_GUARD)
     return State(
         sign=(phase >> (d.dds_bits - 1)) & 1,
         base=row >> slope_bits,
         slope=row & ((1 << slope_bits) - 1),
-        fraction=position & ((1 << d.sine_fraction_bits) - 1),
+        fraction=quarter_position & ((1 << d.sine_fraction_bits) - 1),
         sign2=s.sign,
         base2=s.base,
         product=s.slope * (2 * s.fraction + 1),
@@ -153,11 +153,11 @@ def step(d, rom, s, phase):
 def phase_sine(d, rom, phase):
     """y of a phase: what `step` gives LATENCY clocks later."""
     fraction_bits = d.sine_fraction_bits
-    position = phase >> (d.dds_bits - 2 - d.sine_address_bits - fraction_bits)
-    if position & (1 << (d.sine_address_bits + fraction_bits)):
-        position = ~position
-    row = rom[(position >> fraction_bits) & ((1 << d.sine_address_bits) - 1)]
-    fraction = position & ((1 << fraction_bits) - 1)
+    quarter_position = phase >> (d.dds_bits - 2 - d.sine_address_bits - fraction_bits)
+    if quarter_position & (1 << (d.sine_address_bits + fraction_bits)):
+        quarter_position = ~quarter_position
+    row = rom[(quarter_position >> fraction_bits) & ((1 << d.sine_address_bits) - 1)]
+    fraction = quarter_position & ((1 << fraction_bits) - 1)
     slope_bits = d.sine_bits - d.sine_address_bits + SLOPE_GUARD
     product = (row & ((1 << slope_bits) - 1)) * (2 * fraction + 1)
     magnitude = half_up(((row >> slope_bits) << fraction_bits) + product, fraction_bits + PRODUCT_GUARD)

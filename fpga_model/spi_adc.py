@@ -32,7 +32,7 @@ WORD_BITS = 24  # of a register, and at most of a word on the line
 WORD = bits(WORD_BITS)
 WORD_MASK = WORD.hi
 CODE = Fmt(1, WORD_BITS - 1, 0)
-DRDY_CLOCKS = 3  # from the edge that sees DRDY_N low to the one after which CS_N is
+DRDY_TO_CS_CLOCKS = 3  # from the edge that sees DRDY_N low to the one after which CS_N is
 HEAD = 0b1100
 HEAD_SHIFT = WORD_BITS - 4
 TAIL_NS = 4 * 514  # ADS1298: CS low behind the last SCLK fall, four periods of its own clock
@@ -81,7 +81,7 @@ def word_clocks(d):
 @inlined
 def read_clocks(d):
     """Clocks from the first edge that sees DRDY_N low to the one that sees valid = 1."""
-    return DRDY_CLOCKS + (1 + d.adc_channels) * d.adc_divider * d.adc_word_bits
+    return DRDY_TO_CS_CLOCKS + (1 + d.adc_channels) * d.adc_divider * d.adc_word_bits
 
 
 @inlined

@@ -168,11 +168,11 @@ def update_delay_ticks(d, p, load, every=1):
     """
     if p.strobe == 1:
         return every
-    clock, ticks = load + frame_cycles(p), 0
+    clock, delay_ticks = load + frame_cycles(p), 0
     while clock >= d.tick_clocks:
         clock -= d.tick_clocks
-        ticks += 1
-    return ticks
+        delay_ticks += 1
+    return delay_ticks
 
 
 def period_cycles(p):

@@ -188,7 +188,7 @@ def step(p, rom, s, i):
         sense_word = spi_dac.frame(p.sense_dac, modulator.out(p.sense_modulator, s.sense_modulator), init)
         quadrature_word = spi_dac.frame(p.quadrature_dac, c.quadrature_loop.root.y, init)
 
-    sequencer_slot = 1 if r.slot == rates.SLOT_SEQUENCER else 0
+    is_sequencer_slot = 1 if r.slot == rates.SLOT_SEQUENCER else 0
     work = c
     if r.slot != 0:
         work = control.step(d, p.control, c, r.slot, codes(p, s), bank)
@@ -235,7 +235,7 @@ def step(p, rom, s, i):
         spi_adc.step(d, s.adc, i.drdy_n, i.dout),
         sid,
         watchdog.step(p.watchdog, s.watchdog, ce_1m, frame),
-        registers.step(d, bank, i.write, i.address, i.data, sequencer_slot),
+        registers.step(d, bank, i.write, i.address, i.data, is_sequencer_slot),
         work,
     )
 

@@ -90,10 +90,10 @@ def merge_signals(a, b):
 def nested_blocks(state, path=""):
     """(path, module) of all blocks in a state, also of those within blocks."""
     for field, module in block.state_modules(state).items():
-        dotted = f"{path}.{field}" if path else field
+        dotted_path = f"{path}.{field}" if path else field
         if hasattr(module, "BLOCK"):
-            yield dotted, module
-        yield from nested_blocks(module.State, dotted)
+            yield dotted_path, module
+        yield from nested_blocks(module.State, dotted_path)
 
 
 class Everything:
@@ -109,17 +109,17 @@ class Trace:
     wires      all that arrive somewhere
     instances  {instance: (module, path of its parameters or None)}
     gated      instances that are stepped only where a condition holds
-    template   a record with the optional parts that are there; none without it
+    parts_template  a record with the optional parts that are there; none without it
     """
 
-    def __init__(self, module, design, template=None):
+    def __init__(self, module, design, parts_template=None):
         self.module, self.design = module, design
         self.wires, self.instances, self.names, self.live_records = [], {}, {}, []
         self.gated, self.depth = set(), 0
         contents = {f"{at}.{name}": fmt.for_design(design) for at, m in nested_blocks(module.State)
                     for name, fmt in m.BLOCK.holds.items()}  # fmt: skip
-        self.state = self.record(formats(module.State, design, template), "", "register", contents)
-        self.params = self.record(formats(module.Params, design, template), "", "parameter")
+        self.state = self.record(formats(module.State, design, parts_template), "", "register", contents)
+        self.params = self.record(formats(module.Params, design, parts_template), "", "parameter")
         inputs = {name: self.record(block.design_formats(shape, design), self.prefix(name), "input")
                   for name, shape in module.INPUTS.items()}  # fmt: skip
         structure = {name: None for name in ("d", "rom") if name in block.arguments(module)}
@@ -137,8 +137,8 @@ class Trace:
 
     def record(self, shape, path, kind, contents=block.NOTHING):
         """A record of signals, known by its path; `contents` has the formats of what some of them hold."""
-        signals = iter([direct(name, contents.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
-        signal_record = fill_shape(shape, lambda _: next(signals))
+        leaf_signals = iter([direct(name, contents.get(name, fmt), kind) for name, fmt in leaves(shape, path)])
+        signal_record = fill_shape(shape, lambda _: next(leaf_signals))
         self.name(signal_record, path)
         return signal_record
 
@@ -156,73 +156,73 @@ class Trace:
         """A value arrives at a port."""
         self.wires.append(Wire(as_signal(value), instance, port, fmt))
 
-    def step(self, module, args):
+    def step(self, module, call_arguments):
         """A block's step: its inputs and parameters arrive, its registers are what they are."""
-        instance = self.names[id(args["s"])]
-        self.instances[instance] = module, self.names.get(id(args.get("p")))
+        instance = self.names[id(call_arguments["s"])]
+        self.instances[instance] = module, self.names.get(id(call_arguments.get("p")))
         if self.depth:
             self.gated.add(instance)
         shapes = block.shapes(module, self.design)
-        values = [value for name in shapes for _, value in leaves(args[name])]
+        values = [value for name in shapes for _, value in leaves(call_arguments[name])]
         for (port, fmt), value in zip(block.inputs(module, self.design), values, strict=True):
             self.arrive(value, instance, port, fmt)
-        if "p" not in shapes and "p" in args:
-            values = [value for _, value in leaves(args["p"])]
+        if "p" not in shapes and "p" in call_arguments:
+            values = [value for _, value in leaves(call_arguments["p"])]
             for (name, fmt), value in zip(block.parameters(module, self.design).items(), values, strict=True):
                 self.arrive(value, instance, name, fmt)
-        return args["s"]
+        return call_arguments["s"]
 
-    def output(self, module, name, shape, args):
+    def output(self, module, name, shape, call_arguments):
         """A block's output: a pin, or a record of them."""
-        instance = self.names[id(args["s"])]
+        instance = self.names[id(call_arguments["s"])]
         for port, fmt in block.inputs(module, self.design):
-            if port in args:
-                self.arrive(args[port], instance, port, fmt)
+            if port in call_arguments:
+                self.arrive(call_arguments[port], instance, port, fmt)
         if isinstance(shape, type):
             return self.record(formats(shape, self.design), instance, "pin")
         return direct(f"{instance}.{name}", shape.for_design(self.design), "pin")
 
-    def call(self, func, args):
+    def call(self, func, call_arguments):
         """What a call returns: of a block by its declaration, of anything else by running it."""
         module = next((m for m in block_modules().values() if m.__name__ == func.__module__), None)
         name = func.__name__
         if module and name == "step":
-            return self.step(module, args)
+            return self.step(module, call_arguments)
         if module and name in module.BLOCK.outputs:
-            return self.output(module, name, module.BLOCK.outputs[name], args)
+            return self.output(module, name, module.BLOCK.outputs[name], call_arguments)
         if module and name in module.BLOCK.functions:
             arguments, result = module.BLOCK.functions[name]
-            owner = self.names.get(id(args.get("p")), module.__name__.rpartition(".")[2])
+            owner = self.names.get(id(call_arguments.get("p")), module.__name__.rpartition(".")[2])
             for argument, fmt in arguments.items():
-                self.arrive(args[argument], f"{owner}.{name}", argument, fmt.for_design(self.design))
+                self.arrive(call_arguments[argument], f"{owner}.{name}", argument, fmt.for_design(self.design))
             return logic(f"{owner}.{name}", result.for_design(self.design))
         if self.module is not control and func.__module__ == control.__name__:
             if name == "step":
-                return self.part(control, args)
+                return self.part(control, call_arguments)
             if shape := control.OUTPUTS.get(name):
-                return direct(f"{self.names[id(args['s'])]}.{name}", shape.for_design(self.design), "pin")
-        return self.function(func, args)
+                return direct(f"{self.names[id(call_arguments['s'])]}.{name}", shape.for_design(self.design), "pin")
+        return self.function(func, call_arguments)
 
-    def part(self, module, args):
+    def part(self, module, call_arguments):
         """A module within this one, traced by itself: its inputs arrive."""
-        instance = self.names[id(args["s"])]
-        self.instances[instance] = module, self.names[id(args["p"])]
+        instance = self.names[id(call_arguments["s"])]
+        self.instances[instance] = module, self.names[id(call_arguments["p"])]
         for name, shape in module.INPUTS.items():
             pairs = leaves(block.design_formats(shape, self.design), self.prefix(name))
-            for (port, fmt), (_, value) in zip(pairs, leaves(args[name]), strict=True):
+            for (port, fmt), (_, value) in zip(pairs, leaves(call_arguments[name]), strict=True):
                 self.arrive(value, instance, port_name(port), fmt)
-        pairs = leaves(formats(module.Params, self.design, args["p"]))
-        for (port, fmt), (_, value) in zip(pairs, leaves(args["p"]), strict=True):
+        pairs = leaves(formats(module.Params, self.design, call_arguments["p"]))
+        for (port, fmt), (_, value) in zip(pairs, leaves(call_arguments["p"]), strict=True):
             self.arrive(value, instance, port_name(port), fmt)
-        return args["s"]
+        return call_arguments["s"]
 
     # ---- running the source ------------------------------------------------------------------------------------------
 
-    def function(self, func, args):
+    def function(self, func, call_arguments):
         """Run a function of the wiring."""
         tree = ast.parse(textwrap.dedent(inspect.getsource(func))).body[0]
         returned = self.run(
-            tree.body, dict(args), (func.__globals__, f"{func.__module__.rpartition('.')[2]}.{func.__name__}")
+            tree.body, dict(call_arguments), (func.__globals__, f"{func.__module__.rpartition('.')[2]}.{func.__name__}")
         )
         return functools.reduce(merge_signals, returned)
 
@@ -236,9 +236,9 @@ class Trace:
                 (target,) = node.targets
                 self.assign(target, self.value(node.value, env, where), env)
             elif isinstance(node, ast.If):
-                condition = self.condition(node.test, env, where)
-                if isinstance(condition, bool):
-                    inner = self.run(node.body if condition else node.orelse, env, where)
+                condition_value = self.trace_condition(node.test, env, where)
+                if isinstance(condition_value, bool):
+                    inner = self.run(node.body if condition_value else node.orelse, env, where)
                     if inner:
                         return returned + inner
                     continue
@@ -251,7 +251,7 @@ class Trace:
                         both = merge_signals(on.get(name, off.get(name)), off.get(name, on.get(name)))
                         self.assign(ast.Name(name), both, env)
             elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
-                raise self.unsupported_node(node, where)
+                raise self.unsupported_error(node, where)
         return returned
 
     def assign(self, target, value, env):
@@ -262,7 +262,7 @@ class Trace:
             nameless = isinstance(value, Signal) and value.label == ""
             env[target.id] = replace(value, label=target.id) if nameless else value
 
-    def condition(self, node, env, where):
+    def trace_condition(self, node, env, where):
         """The signals of a condition arrive where it decides."""
         value = self.value(node, env, where)
         if isinstance(value, Signal):
@@ -286,7 +286,7 @@ class Trace:
                 return self.value(node.left, env, where) is self.value(node.comparators[0], env, where)
             return logic(ast.unparse(node), BIT)
         if isinstance(node, ast.IfExp):
-            self.condition(node.test, env, where)
+            self.trace_condition(node.test, env, where)
             a, b = self.value(node.body, env, where), self.value(node.orelse, env, where)
             if isinstance(a, int) and isinstance(b, int):
                 return logic(ast.unparse(node), bits(max(a, b).bit_length()))
@@ -295,13 +295,13 @@ class Trace:
             return self.bitwise(node, self.value(node.left, env, where), self.value(node.right, env, where))
         if isinstance(node, ast.Call):
             func = self.value(node.func, env, where)
-            args = [self.value(item, env, where) for item in node.args]
-            kwargs = {item.arg: self.value(item.value, env, where) for item in node.keywords}
+            positional_values = [self.value(item, env, where) for item in node.args]
+            keyword_values = {item.arg: self.value(item.value, env, where) for item in node.keywords}
             if isinstance(func, type):
-                return func(*args, **kwargs)
+                return func(*positional_values, **keyword_values)
             func = python_function(func)
-            return self.call(func, inspect.signature(func).bind(*args, **kwargs).arguments)
-        raise self.unsupported_node(node, where)
+            return self.call(func, inspect.signature(func).bind(*positional_values, **keyword_values).arguments)
+        raise self.unsupported_error(node, where)
 
     def bitwise(self, node, a, b):
         """Bits of two signals, or some low bits of one."""
@@ -309,7 +309,7 @@ class Trace:
             return logic(ast.unparse(node), bits(b.bit_length()))
         return Signal(tuple(dict.fromkeys(a.leaves + b.leaves)), "")
 
-    def unsupported_node(self, node, where):
+    def unsupported_error(self, node, where):
         return Unsupported(f"{where[1]}: {ast.unparse(node)} is not understood as wiring")
 
 
@@ -334,7 +334,7 @@ def instances():
     return {name: block_instances[name] for name, _ in nested_blocks(top.State) if name in block_instances}
 
 
-def is_intended(wire, leaf, casts, design):
+def has_intended_format(wire, leaf, casts, design):
     """Whether the two formats of a wire are as they should be."""
     if leaf.kind == "constant":
         return wire.fmt.holds(leaf.value)
@@ -347,18 +347,18 @@ def is_intended(wire, leaf, casts, design):
 
 def mismatches(module, design=DEFAULT):
     """One line "source format -> target format" for each wire whose formats differ, with optional parts or without."""
-    lines = []
+    mismatch_lines = []
     for wire in dict.fromkeys(trace(module, design).wires + trace(module, design, True).wires):
         for leaf in wire.signal.leaves:
-            if not is_intended(wire, leaf, module.CASTS, design):
+            if not has_intended_format(wire, leaf, module.CASTS, design):
                 source = f"{leaf.name} {leaf.fmt or ''}".strip()
-                lines.append(f"{source} -> {wire.target} {wire.fmt}")
-    return lines
+                mismatch_lines.append(f"{source} -> {wire.target} {wire.fmt}")
+    return mismatch_lines
 
 
 @functools.cache
 def check(design=DEFAULT):
     """Raise ValueError if a wire of the firmware has two formats."""
-    differences = list(itertools.chain(mismatches(control, design), mismatches(top, design)))
-    if differences:
-        raise ValueError(f"wiring: formats differ: {'; '.join(differences)}")
+    format_differences = list(itertools.chain(mismatches(control, design), mismatches(top, design)))
+    if format_differences:
+        raise ValueError(f"wiring: formats differ: {'; '.join(format_differences)}")

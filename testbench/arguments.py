@@ -10,13 +10,13 @@ import os
 from testbench.errors import ConfigError
 
 
-def to_python(value):
+def numpy_to_python(value):
     """Python's own number, list or dictionary in place of NumPy's."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, dict):
-        return {key: to_python(item) for key, item in value.items()}
-    return [to_python(item) for item in value] if isinstance(value, (list, tuple)) else value
+        return {key: numpy_to_python(item) for key, item in value.items()}
+    return [numpy_to_python(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def name_of_file(name, value):

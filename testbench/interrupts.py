@@ -35,11 +35,11 @@ def defer_interrupts():
     if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    signals = []
+    received_signals = []
 
     def note(number, where):
-        signals.append(number)
-        if len(signals) > 1:
+        received_signals.append(number)
+        if len(received_signals) > 1:
             raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, note)
@@ -47,5 +47,5 @@ def defer_interrupts():
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    if signals:
+    if received_signals:
         raise KeyboardInterrupt

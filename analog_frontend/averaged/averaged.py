@@ -66,7 +66,7 @@ class Averaged(NamedTuple):
 
     word0: int
     knots: np.ndarray  # (knots, SIZE)
-    force: np.ndarray  # (ticks since a sample began, 4, samples, 2): `_noise_growth`
+    force: np.ndarray  # (ticks since a sample began, 4, samples, 2): `_noise_sample_growth`
     change_ticks: tuple  # when the modes see a changed word of each DAC, from the frame's first instant
 
 
@@ -92,8 +92,8 @@ def _eigen(m):
         # inverse iteration beside an eigenvalue loses all digits of doubles: in MP, rounded once at the end
         value = MP.mpc(value)
         for _ in range(5):
-            shift = value * (1 + MP.mpf(2) ** -80)
-            shifted = [[m[i][j] - (shift if i == j else 0) for j in range(4)] for i in range(4)]
+            eigenvalue_shift = value * (1 + MP.mpf(2) ** -80)
+            shifted = [[m[i][j] - (eigenvalue_shift if i == j else 0) for j in range(4)] for i in range(4)]
             vector = solve_linear(shifted, vector)
             vector = [[v[0] / vector[mode][0]] for v in vector]
             value = sum(m[mode][k] * vector[k][0] for k in range(4))
@@ -111,20 +111,20 @@ def _steady(g, phi, excite):
     return solve_linear([[(z if i == j else 0) - g[j][i] for j in range(n)] for i in range(n)], [[v] for v in excite])
 
 
-def _drive(g, step, first, dac_row, phi):
+def _drive(g, step, first, dac_input_row, phi):
     """What a staircase of 1 V (new value e^(i phi k) in tick k) does: beta, the four modes per tick; and the chain."""
     lag = unit(-phi)
     chain = range(first, first + 3)
-    u = [lag * g[dac_row][k] + (1 - lag) * step[k] for k in range(16)]
+    u = [lag * g[dac_input_row][k] + (1 - lag) * step[k] for k in range(16)]
     c = _steady([[g[i][j] for j in chain] for i in chain], phi, [u[k] for k in chain])
     return [u[k] + sum(g[i][k] * c[i - first][0] for i in chain) for k in MODE], [v[0] for v in c]
 
 
-def _noise_response(g, first, dac_row, phi):
+def _dac_noise_response(g, first, dac_input_row, phi):
     """As `_drive` for a voltage added to the held output over whole ticks."""
     chain = range(first, first + 3)
-    c = _steady([[g[i][j] for j in chain] for i in chain], phi, [g[dac_row][k] for k in chain])
-    return [g[dac_row][k] + sum(g[i][k] * c[i - first][0] for i in chain) for k in MODE]
+    c = _steady([[g[i][j] for j in chain] for i in chain], phi, [g[dac_input_row][k] for k in chain])
+    return [g[dac_input_row][k] + sum(g[i][k] * c[i - first][0] for i in chain) for k in MODE]
 
 
 def _pick(g, q, first, phi, w_tick):
@@ -166,10 +166,10 @@ def _knot(t, n, w_tick, phi0, lags):
     row[ETA : ETA + 4] = _real(eta)
 
     # slow map: L = N++ + N+- S, where S D - D_- S = N_-+ to first order
-    forward = [[r[:2] for r in m[:2]] for m in jets]
+    positive_blocks = [[r[:2] for r in m[:2]] for m in jets]
     minus = [v.conjugate() for v in values]
     follow = [[[jets[k][2 + i][j] / (values[j] - minus[i]) for j in range(2)] for i in range(2)] for k in range(3)]
-    slow = [[list(r) for r in m] for m in forward]
+    slow = [[list(r) for r in m] for m in positive_blocks]
     slow[0] = [[values[0], 0j], [0j, values[1]]]
     for a in (1, 2):
         row[S + 8 * (a - 1) : S + 8 * a] = _real(_columns(follow[a]))
@@ -249,11 +249,11 @@ def _forces(row, t, n, g, lags, modes):
     ticks, nodes = lags.frame_ticks, [DELTA_TURNS * lags.frame_hz * k / 2 for k in range(-2, 3)]
     tick = t.tick_s[n]
     steps = (t.drive_step[n][0][lags.cycle[0]], t.sense_step[n][0][lags.cycle[1]])
-    for d, (first, dac_row) in enumerate(((0, U_DRIVE), (3, U_SENSE))):
+    for d, (first, dac_input_row) in enumerate(((0, U_DRIVE), (3, U_SENSE))):
         # what a chain gives a mode after its input has gone is its delay's part of a whole tick
         speed = MODE[1 + 2 * d]
-        chain_tail = sum(g[i][speed] for i in range(first, first + 3))
-        change = lags.change_ticks[d] + float(chain_tail / (g[dac_row][speed] + chain_tail))
+        chain_velocity_gain = sum(g[i][speed] for i in range(first, first + 3))
+        change = lags.change_ticks[d] + float(chain_velocity_gain / (g[dac_input_row][speed] + chain_velocity_gain))
         changes.append(change)
         shares = [_share(change, k) for k in range(ticks)]
         olds, news = [[], []], [[], []]
@@ -262,7 +262,7 @@ def _forces(row, t, n, g, lags, modes):
             phi = phi0 + delta
             # the sine of the DDS phase: Re(-i e^(i theta)), `code_ticks` late
             sine = -1j * unit(-phi * MP.mpf(lags.code_ticks[d]))
-            beta, chain = ([sine * v for v in part] for part in _drive(g, steps[d], first, dac_row, phi))
+            beta, chain = ([sine * v for v in part] for part in _drive(g, steps[d], first, dac_input_row, phi))
             b = [sum(inverse[i][k] * beta[k] for k in range(4)) for i in range(4)]
             if hz == 0:
                 row[CHAIN + 6 * d : CHAIN + 6 * d + 6] = _real(chain)
@@ -289,10 +289,10 @@ def _forces(row, t, n, g, lags, modes):
                 olds[i].append(old * back)
                 news[i].append(new)
         scaled = [2 * float(MP.pi) * hz * tick for hz in nodes]
-        for offset, growths in ((OLD, olds), (NEW, news)):
+        for polynomial_offset, growths in ((OLD, olds), (NEW, news)):
             for i in range(2):
                 for degree, value in enumerate(_polynomial(scaled, growths[i])):
-                    at = offset + 8 * degree + 4 * d + 2 * i
+                    at = polynomial_offset + 8 * degree + 4 * d + 2 * i
                     row[at : at + 2] = _real([value])
     return tuple(changes)
 
@@ -317,14 +317,14 @@ def design(tables, word0, lags, hold, w_rad_per_s):
     exciting = (
         [g[F_X][k] for k in MODE],
         [g[F_Y][k] for k in MODE],
-        _noise_response(g, 0, U_DRIVE, phi0),
-        _noise_response(g, 3, U_SENSE, phi0),
+        _dac_noise_response(g, 0, U_DRIVE, phi0),
+        _dac_noise_response(g, 3, U_SENSE, phi0),
     )
     gains = [2 * sum(inverse[s % 2][k] * vector[k] for k in range(4)) for s, vector in enumerate(exciting)]
-    return Averaged(word0, np.array(rows), _noise_growth(gains, values, lags.frame_ticks, hold), changes)
+    return Averaged(word0, np.array(rows), _noise_sample_growth(gains, values, lags.frame_ticks, hold), changes)
 
 
-def _noise_growth(gains, values, ticks, hold):
+def _noise_sample_growth(gains, values, ticks, hold):
     """Growth in a frame per N or V of each sample of noise: x by force, y by force, x by DAC, y by DAC; re, im.
 
     A frame may begin `since` ticks behind the first tick of a sample, if no whole number of them fills it.

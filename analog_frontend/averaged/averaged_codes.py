@@ -25,7 +25,7 @@ def _zeta(x):
 
 
 @outlined
-def rounded_fundamental(volts, lsb_v):
+def rounded_sine_fundamental(volts, lsb_v):
     """Amplitude (V) of the fundamental of round(sine): `volts` is that of the sine, not negative; lsb_v 0: no codes."""
     if lsb_v == 0.0:
         return volts

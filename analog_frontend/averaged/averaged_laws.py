@@ -6,7 +6,7 @@
             where a sign or an absolute value is taken, the points begin at that state's crest
     C/V     as a square-wave demodulator sees it: C - i S, C = c1 - c3/3 + c5/5, S = s1 + s3/3 + s5/5, about the
             phase of its references
-    u, w    turned on by their leads: the means of staircases (`law.instant_state`)
+    u, w    turned on by their leads: the means of staircases (`law.start_state`)
 
 Left out   the change of the motion within a frame; harmonics beyond 30 of sgn and abs (0.2 % of their fundamental)
 Source     docs/parts/averaged.md, docs/parts/ports.md
@@ -82,10 +82,10 @@ def design(effects, laws, reference_turns, tick_turns):
     cubes += ((effects.drive_cubic.on, "u", effects.drive_cubic.kick_m_per_v3),)
     for is_on, state, gain in cubes:
         if is_on:
-            rows.append(_law_row(law.PORTS.index("force_x"), [law.STATES[state]] * 3, gain))
+            rows.append(_encode_law_row(law.PORTS.index("force_x"), [law.STATES[state]] * 3, gain))
     if effects.feedthrough_y.on:
         both = effects.feedthrough_y.start_v_per_v + effects.feedthrough_y.end_v_per_v
-        rows.append(_law_row(law.PORTS.index("cv_y"), [law.STATES["u"]], both))
+        rows.append(_encode_law_row(law.PORTS.index("cv_y"), [law.STATES["u"]], both))
     rows.sort(key=lambda row: row[0][law.AT_PORT] >= 2)
     table, numbers = np.zeros((SLOTS, law.COLUMNS), np.int64), np.zeros((SLOTS, len(law.NUMBERS)))
     for k, row in enumerate(rows):
@@ -95,7 +95,7 @@ def design(effects, laws, reference_turns, tick_turns):
     return Params(force, len(rows) - force, laws.temp_ref_degc, table, numbers, reference_turns, leads)
 
 
-def _law_row(port, states, gain):
+def _encode_law_row(port, states, gain):
     row = np.zeros(law.COLUMNS, np.int64)
     row[law.AT_PORT], row[law.COUNT] = port, len(states)
     row[law.FIRST : law.FIRST + len(states)] = states
@@ -103,7 +103,7 @@ def _law_row(port, states, gain):
 
 
 @outlined
-def _add_demodulated(h, volts, at, offset):
+def _add_demodulated_volts(h, volts, at, offset):
     """The sine that a demodulator sees in harmonics 1, 3, 5 about its reference; turned back to theta. Mutates."""
     c = h[0] - h[2] * (1.0 / 3) + h[4] * 0.2
     s = h[1] + h[3] * (1.0 / 3) + h[5] * 0.2
@@ -184,7 +184,7 @@ def act(p, now, m, r, rate_rad_s, temp_degc, t_s, drive_ref, sense_ref):
             r.force[2 * port] += r.harmonics[0]
             r.force[2 * port + 1] -= r.harmonics[1]
         else:
-            _add_demodulated(r.harmonics, r.volts, 2 * (port - 2), offset)
+            _add_demodulated_volts(r.harmonics, r.volts, 2 * (port - 2), offset)
 
 
 @outlined
@@ -201,12 +201,12 @@ def grow(now, m, r, delta, cubic):
         push[2 * j], push[2 * j + 1] = times(kr + hr, ki + hi, 1.0 + 0.5 * re, 0.5 * im)
         grown[2 * j], grown[2 * j + 1] = times(kr + hr, ki + hi, size * c, size * s)
     slaved = product(now, LAWS, r.force[0], r.force[1], r.force[2], r.force[3])
-    slaved_volts = product(now, PICK + 8, lane(slaved, 0), lane(slaved, 1), lane(slaved, 2), lane(slaved, 3))
+    slaved_cv_volts = product(now, PICK + 8, lane(slaved, 0), lane(slaved, 1), lane(slaved, 2), lane(slaved, 3))
     rise = on(now, NOW_O, grown, 0)
     begins = on(now, NOW_O, push, 0) * ticks
     store4(r.slope, 0, load4(push, 0) + on(now, NOW_L, grown, 0) - turned4(load4(grown, 0)) * delta)
     ends = on(now, NOW_O, r.slope, 0) * ticks
-    store4(cubic, 0, load4(cubic, 0) + slaved_volts + load4(r.volts, 0))
+    store4(cubic, 0, load4(cubic, 0) + slaved_cv_volts + load4(r.volts, 0))
     store4(cubic, 4, load4(cubic, 4) + begins)
     store4(cubic, 8, load4(cubic, 8) + (rise * 3.0 - begins * 2.0 - ends))
     store4(cubic, 12, load4(cubic, 12) + (begins + ends - rise * 2.0))

@@ -115,9 +115,9 @@ def product(t, at, ar, ai, br, bi):
 
 
 @inlined
-def on(t, at, m, index):
-    """Matrix at `at` times the two complex numbers at `index` of `m`."""
-    return product(t, at, m[index], m[index + 1], m[index + 2], m[index + 3])
+def on(t, at, m, vector_offset):
+    """Matrix at `at` times the two complex numbers at `vector_offset` of `m`."""
+    return product(t, at, m[vector_offset], m[vector_offset + 1], m[vector_offset + 2], m[vector_offset + 3])
 
 
 @inlined
@@ -126,15 +126,15 @@ def _on_register(t, at, v):
 
 
 @outlined
-def _blend_knots(knots, lo_degc, step_k, temp_degc, now):
-    index, weight = 0, 0.0
+def _interpolate_knots(knots, lo_degc, step_k, temp_degc, now):
+    lower_knot, weight = 0, 0.0
     if knots.shape[0] > 1:
         position = (temp_degc - lo_degc) / step_k
-        index = min(max(int(position), 0), knots.shape[0] - 2)
-        weight = position - index
-    after = min(index + 1, knots.shape[0] - 1)
+        lower_knot = min(max(int(position), 0), knots.shape[0] - 2)
+        weight = position - lower_knot
+    after = min(lower_knot + 1, knots.shape[0] - 1)
     for i in range(SIZE):
-        now[i] = knots[index, i] + weight * (knots[after, i] - knots[index, i])
+        now[i] = knots[lower_knot, i] + weight * (knots[after, i] - knots[lower_knot, i])
     for k in range(2):
         re, im = _exponential(now[TICKS] * now[ETA + 2 * k], now[TICKS] * now[ETA + 2 * k + 1])
         now[NOW_DIAGONAL + 2 * k] = re
@@ -152,8 +152,8 @@ def _combine(now, rate, stiffness):
         now[NOW_S + i] = rate * now[S + i] + stiffness * now[S + 8 + i]
         now[NOW_L + i] = rate * now[L + i] + stiffness * now[L + 8 + i]
     for i in range(16):
-        source = (OLD if i < 8 else NEW - 8) + i
-        now[NOW_OLD + i] = now[source] + (rate * now[CROSS + i] + stiffness * now[CROSS + 16 + i])
+        base_index = (OLD if i < 8 else NEW - 8) + i
+        now[NOW_OLD + i] = now[base_index] + (rate * now[CROSS + i] + stiffness * now[CROSS + 16 + i])
     for i in range(2):
         # place of the diagonal: the first pair, and the last
         for k in range(2):
@@ -161,12 +161,12 @@ def _combine(now, rate, stiffness):
             now[NOW_L + 6 * i + k] += now[ETA + 2 * i + k]
     for j in range(2):
         at = NOW_S + 4 * j
-        slaved_volts = product(now, PICK + 8, now[at], now[at + 1], now[at + 2], now[at + 3])
-        store4(now, NOW_O + 4 * j, load4(now, PICK + 4 * j) + slaved_volts)
+        slaved_pickoff = product(now, PICK + 8, now[at], now[at + 1], now[at + 2], now[at + 3])
+        store4(now, NOW_O + 4 * j, load4(now, PICK + 4 * j) + slaved_pickoff)
 
 
 @inlined
-def _mode_states(now, m, cos, sin):
+def _physical_mode_states(now, m, cos, sin):
     slaved = on(now, NOW_S, m, A) + on(now, SLAVED, m, F)
     total = splat4(0.0)
     for j in range(2):
@@ -179,13 +179,13 @@ def _mode_states(now, m, cos, sin):
 
 
 @outlined
-def _retune_temperature(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at):
+def _retune_for_temperature(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at):
     """As `retune_tables`, where the temperature moves. Mutates `now` and `m`."""
-    _blend_knots(knots, lo_degc, step_k, temp_degc, now)
+    _interpolate_knots(knots, lo_degc, step_k, temp_degc, now)
     stiffness = now[KXY] - now[KQ] * volts_squared
     _combine(now, rate_rad_s, stiffness)
     now[NOW_RATE], now[NOW_STIFFNESS], now[NOW_TEMP] = rate_rad_s, stiffness, temp_degc
-    off = load4(z, at) - _mode_states(now, m, cos, sin)
+    off = load4(z, at) - _physical_mode_states(now, m, cos, sin)
     for j in range(2):
         k = BACK + 8 * j
         r = now[k] * lane(off, 0) + now[k + 2] * lane(off, 1) + now[k + 4] * lane(off, 2) + now[k + 6] * lane(off, 3)
@@ -204,7 +204,7 @@ def _retune_temperature(knots, lo_degc, step_k, now, m, rate_rad_s, volts_square
 def retune_tables(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at):
     """Tables for a frame; cos, sin of theta and z[at ..], `motion`'s, at its first instant. Mutates `now` and `m`."""
     if now[NOW_TEMP] != temp_degc:
-        _retune_temperature(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at)
+        _retune_for_temperature(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, temp_degc, cos, sin, z, at)
         return
     stiffness = now[KXY] - now[KQ] * volts_squared
     if now[NOW_RATE] == rate_rad_s and now[NOW_STIFFNESS] == stiffness:
@@ -220,11 +220,11 @@ def retune_tables(knots, lo_degc, step_k, now, m, rate_rad_s, volts_squared, tem
 
 
 @inlined
-def _growth(now, base, zero, delta, dr, di, sr, si):
+def _growth(now, coefficient_offset, zero, delta, dr, di, sr, si):
     """J F at a distance `delta` from phi0; zero: place of J of degree 0."""
-    total = product(now, base + 8 * DEGREE, dr, di, sr, si)
+    total = product(now, coefficient_offset + 8 * DEGREE, dr, di, sr, si)
     for k in range(DEGREE - 1, 0, -1):
-        total = total * delta + product(now, base + 8 * k, dr, di, sr, si)
+        total = total * delta + product(now, coefficient_offset + 8 * k, dr, di, sr, si)
     return total * delta + product(now, zero, dr, di, sr, si)
 
 
@@ -246,17 +246,17 @@ def frame(now, m, deltas, turn_ticks, force, growth, at, cos, sin, changed, cubi
     slope = product(now, NOW_L, xr, xi, yr, yi) + product(now, RATES, odr, odi, osr, osi) - turned4(a) * delta_old
     v0 = product(now, NOW_O, xr, xi, yr, yi) + product(now, NOW_D, odr, odi, osr, osi)
     d0 = _on_register(now, NOW_O, slope) * now[TICKS]
-    phase_after = delta_new * (now[TICKS] - turn_ticks)
+    phase_after_turn = delta_new * (now[TICKS] - turn_ticks)
     # a jump of F is one of what follows it; the modes themselves go on
     pr, pi = times(fdr - odr, fdi - odi, changed[0], changed[1])
     qr, qi = times(fsr - osr, fsi - osi, changed[2], changed[3])
     jump = product(now, SLAVED, pr, pi, qr, qi)
     xr, xi, yr, yi = xr - lane(jump, 0), xi + lane(jump, 1), yr - lane(jump, 2), yi + lane(jump, 3)
-    c, s = small_turn(phase_after + delta_old * turn_ticks)
+    c, s = small_turn(phase_after_turn + delta_old * turn_ticks)
     pr, pi = times(xr, xi, c, -s)
     qr, qi = times(yr, yi, c, -s)
     grown = product(now, NOW_E, pr, pi, qr, qi)
-    c, s = small_turn(phase_after)
+    c, s = small_turn(phase_after_turn)
     pr, pi = times(odr, odi, c, -s)
     qr, qi = times(osr, osi, c, -s)
     grown = grown + _growth(now, OLD, NOW_OLD, delta_old, pr, pi, qr, qi)
@@ -284,13 +284,13 @@ def slope_now(now, m, delta):
 @inlined
 def motion(now, m, cos, sin, z, at):
     """x, x'/W, y, y'/W (m) at an instant where theta has this cosine and sine, into z[at ..]. Mutates `z`."""
-    store4(z, at, _mode_states(now, m, cos, sin))
+    store4(z, at, _physical_mode_states(now, m, cos, sin))
 
 
 @outlined
-def set_tables(knots, lo_degc, step_k, now, rate_rad_s, stiffness, temp_degc):
+def compute_frame_tables(knots, lo_degc, step_k, now, rate_rad_s, stiffness, temp_degc):
     """Tables for a rate, a stiffness (N/m) and a temperature, without a jump. Mutates `now`."""
-    _blend_knots(knots, lo_degc, step_k, temp_degc, now)
+    _interpolate_knots(knots, lo_degc, step_k, temp_degc, now)
     _combine(now, rate_rad_s, stiffness)
     now[NOW_RATE] = rate_rad_s
     now[NOW_STIFFNESS] = stiffness
@@ -298,7 +298,7 @@ def set_tables(knots, lo_degc, step_k, now, rate_rad_s, stiffness, temp_degc):
 
 
 @outlined
-def project_modes(now, m, cos, sin, x, vx, y, vy):
+def project_slow_amplitudes(now, m, cos, sin, x, vx, y, vy):
     """The slow amplitudes of a state of both modes, F given: a e^(i theta) = 2 c+ - conj((S a + s F) e^(i theta))."""
     for j in range(2):
         at = BACK + 8 * j

@@ -57,16 +57,16 @@ def batch(table, frame_ticks):
 
 
 @inlined
-def integral(d, row, position):
-    """Integral of the samples of a row of C/V noise up to `position` (V samples)."""
-    k = int(position)
-    return d.sums[row + k] + d.volts[row + k] * (position - k)
+def integral(d, row, sample_position):
+    """Integral of the samples of a row of C/V noise up to `sample_position` (V samples)."""
+    k = int(sample_position)
+    return d.sums[row + k] + d.volts[row + k] * (sample_position - k)
 
 
 @outlined
-def integrate(q, at, d, position, sign):
-    """Add the integral of both rows up to `position` to q[at ..]: x, x, y, y. Mutates `q`."""
-    x, y = sign * integral(d, 0, position), sign * integral(d, ROW, position)
+def integrate(q, at, d, sample_position, sign):
+    """Add the integral of both rows up to `sample_position` to q[at ..]: x, x, y, y. Mutates `q`."""
+    x, y = sign * integral(d, 0, sample_position), sign * integral(d, ROW, sample_position)
     q[at] += x
     q[at + 1] += x
     q[at + 2] += y
@@ -131,7 +131,7 @@ def draw(on, table, d, tick, frames, frame_ticks, samples):
 
 
 @inlined
-def _store_white(p, d, c, number, total):
+def _store_white_sample(p, d, c, number, total):
     store(d.converter, c * BATCH + (number - d.first[0]), p.white[c].sigma * (total * noise.IH12_SCALE))
 
 
@@ -142,7 +142,7 @@ def _white(p, d, c, number):
     if white.on:
         total = noise.sum4(white.key0, white.key1, ahead)
         total = total + noise.sum4(white.key0, white.key1, ahead + 1)
-        _store_white(p, d, c, number, total + noise.sum4(white.key0, white.key1, ahead + 2))
+        _store_white_sample(p, d, c, number, total + noise.sum4(white.key0, white.key1, ahead + 2))
 
 
 @inlined
@@ -157,10 +157,10 @@ def _whites(p, d, number):
         t = noise.words4(keys0, keys1, (ahead, ahead, ahead, ahead))
         ahead = ahead + 1
         u = noise.words4(keys0, keys1, (ahead, ahead, ahead, ahead))
-        _store_white(p, d, 0, number, noise.halves(s[0]) + noise.halves(t[0]) + noise.halves(u[0]))
-        _store_white(p, d, 1, number, noise.halves(s[1]) + noise.halves(t[1]) + noise.halves(u[1]))
-        _store_white(p, d, 2, number, noise.halves(s[2]) + noise.halves(t[2]) + noise.halves(u[2]))
-        _store_white(p, d, 3, number, noise.halves(s[3]) + noise.halves(t[3]) + noise.halves(u[3]))
+        _store_white_sample(p, d, 0, number, noise.halves(s[0]) + noise.halves(t[0]) + noise.halves(u[0]))
+        _store_white_sample(p, d, 1, number, noise.halves(s[1]) + noise.halves(t[1]) + noise.halves(u[1]))
+        _store_white_sample(p, d, 2, number, noise.halves(s[2]) + noise.halves(t[2]) + noise.halves(u[2]))
+        _store_white_sample(p, d, 3, number, noise.halves(s[3]) + noise.halves(t[3]) + noise.halves(u[3]))
     else:
         for channel in range(4):
             _white(p, d, channel, number)
@@ -168,15 +168,15 @@ def _whites(p, d, number):
 
 
 @inlined
-def _load_poles(w, at):
+def _load_pole_registers(w, at):
     return load(w, at), load(w, at + LANES), load(w, at + 2 * LANES), load(w, at + 3 * LANES)
 
 
 @inlined
-def _step_flicker(s, words):
+def _step_flicker_poles(s, words):
     """States of two channels after one sample; half h of a hash is one register for both."""
     x, y = words
-    a, g = _load_poles(DECAYS, 0), _load_poles(GAINS, 0)
+    a, g = _load_pole_registers(DECAYS, 0), _load_pole_registers(GAINS, 0)
     return (
         a[0] * s[0] + g[0] * ((x & noise.LOW) * 1.0 - noise.HALF),
         a[1] * s[1] + g[1] * ((x >> 16) * 1.0 - noise.HALF),
@@ -222,15 +222,15 @@ def convert(p, d, sums, number, frames):
     ahead = integers(BLOCKS, 0)
     key0, key1, more0, more1 = integers(keys, 0), integers(keys, 16), integers(keys, 8), integers(keys, 24)
     keys0, keys1 = (key0, more0, key0, more0), (key1, more1, key1, more1)
-    s, t = _load_poles(w, 0), _load_poles(w, 4 * LANES)
+    s, t = _load_pole_registers(w, 0), _load_pole_registers(w, 4 * LANES)
     for n in range(0, frames, 2):
         first, second = ahead + 4 * (number + n), ahead + 4 * (number + n + 1)
         x, y, x_next, y_next = noise.words4(keys0, keys1, (first, first, second, second))
-        s, t = _step_flicker(s, x), _step_flicker(t, y)
+        s, t = _step_flicker_poles(s, x), _step_flicker_poles(t, y)
         _pink(p, d, w, 0, n, s)
         _pink(p, d, w, 2, n, t)
         if n + 1 < frames:
-            s, t = _step_flicker(s, x_next), _step_flicker(t, y_next)
+            s, t = _step_flicker_poles(s, x_next), _step_flicker_poles(t, y_next)
             _pink(p, d, w, 0, n + 1, s)
             _pink(p, d, w, 2, n + 1, t)
     for k in range(4):

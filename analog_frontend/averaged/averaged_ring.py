@@ -36,12 +36,12 @@ def act(p, r, temp_degc, rad_per_tick, reference_turns, drive_ref, sense_ref):
         end_c, end_s = times(turn_c, turn_s, half_c, -half_s)
         start_c, start_s = times(r.cosines[state], r.sines[state], begin_c, begin_s)
         stop_c, stop_s = times(r.cosines[state], r.sines[state], end_c, end_s)
-        demod_c, demod_s = 0.0, 0.0
+        demodulated_cos, demodulated_sin = 0.0, 0.0
         for n in range(HALF):
             start_v, stop_v = COS[n] * start_c + SIN[n] * start_s, COS[n] * stop_c + SIN[n] * stop_s
             v = ring_saturation.volts(p, index, weight, channel, start_v, stop_v)
-            demod_c += WEIGHTS_C[n] * v
-            demod_s += WEIGHTS_S[n] * v
-        re, im = times(demod_c, -demod_s, turn_c, turn_s)
+            demodulated_cos += WEIGHTS_C[n] * v
+            demodulated_sin += WEIGHTS_S[n] * v
+        re, im = times(demodulated_cos, -demodulated_sin, turn_c, turn_s)
         r.volts[2 * channel] += re
         r.volts[2 * channel + 1] += im

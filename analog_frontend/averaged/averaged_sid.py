@@ -49,7 +49,7 @@ DEMODULATORS = 4
 HALF = 1 << 47
 HALF_MASK = HALF - 1
 TURN_MASK = 2 * HALF - 1
-INDEX_MASK = 0xFFFF  # more than the noise of a batch
+NOISE_INDEX_MASK = 0xFFFF  # more than the noise of a batch
 # Rows of `q`, the first thirteen as the demodulators keep them from frame to frame
 R1, R2, R3, H1, H2, H3, CLOSED_AT, NOISE, SIGN, AREA, BEGAN, WAITING, PAST = range(13)
 S, SLOPE, CURVE, EDGE_SLOPE, UNTIL = range(13, 18)
@@ -99,7 +99,7 @@ def decay(u):
 
 
 @inlined
-def switch_clock(p, crossed):
+def switching_clock(p, crossed):
     """When the switch follows a reference phase that enters a new half turn before clock `crossed`; lanes."""
     if p.retimed:
         # half a clock off, so that the product cannot pass a whole number by its rounding
@@ -108,7 +108,7 @@ def switch_clock(p, crossed):
 
 
 @inlined
-def _segment_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total):
+def _edge_interval_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total):
     """What happens between two edges, in lanes: parts of w_1 .. w_3 that do not know r, and what r is multiplied by."""
     angle = past * RAD_PER_LSB
     q = angle * angle
@@ -130,7 +130,7 @@ def _segment_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total):
 
 
 @inlined
-def _integrate_group(swept, r1, r2, r3):
+def _advance_closed_group(swept, r1, r2, r3):
     """Capacitors of the closed group at the edge that opens it; area under the third / RC."""
     w1, w2, w3, w4, u, e, n = swept
     e1, e2, e3 = e * r1, e * (r2 + u * r1), e * (r3 + u * (r2 + u * r1 * 0.5))
@@ -139,7 +139,7 @@ def _integrate_group(swept, r1, r2, r3):
 
 
 @inlined
-def _inject_charge(p, sign, grown):
+def _inject_switch_charge(p, sign, grown):
     """The same with what an opened switch leaves on them."""
     a1, a2, a3, _ = grown
     return (
@@ -150,14 +150,14 @@ def _inject_charge(p, sign, grown):
 
 
 @inlined
-def _area_slope(p, sign, u, grown, h2, h3):
+def _area_and_slope(p, sign, u, grown, h2, h3):
     """Area under the output since the last edge / RC, and its slope times 2 RC."""
     _, a2, a3, area = grown
     return sign * (area - h3 * u), sign * ((a2 - h2) - (a3 - h3) * p.steeper)
 
 
 @inlined
-def _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin):
+def _two_edges(p, s, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_new, tilde, poles, noise, begin):
     """The first two edges of the frame in every demodulator, eight lanes; returns the state `s` after them.
 
     old, new  (words, their inverses, first clock) before and after the change of the word
@@ -167,15 +167,15 @@ def _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, 
     (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
     zero, one = splat(0.0), splat(1.0)
     number = join_lanes(splat4(0.0), splat4(1.0)) - join_lanes(waiting, waiting)
-    both = join_lanes(on_old, on_old)
-    ahead = join_lanes(gap_new, gap_new) + (number - both) * float(HALF)
+    both = join_lanes(uses_old_word, uses_old_word)
+    ahead = join_lanes(phase_gap_new, phase_gap_new) + (number - both) * float(HALF)
     # the first that crosses in this frame may do so before the word has changed
     first = select_lanes(number, zero, both, zero)
     word = select_lanes(one, first, splat(old[0]), splat(new[0]))
     inverse = select_lanes(one, first, splat(old[1]), splat(new[1]))
     base = select_lanes(one, first, zero, splat(new[2]))
-    ahead = select_lanes(one, first, join_lanes(gap_old, gap_old), ahead)
-    t = switch_clock(p, base + ceiling(ahead * inverse))
+    ahead = select_lanes(one, first, join_lanes(phase_gap_old, phase_gap_old), ahead)
+    t = switching_clock(p, base + ceiling(ahead * inverse))
     past = (t - base) * word - ahead
     waited = join_lanes(waiting, splat4(0.0))
     t = select_lanes(one, waited, join_lanes(waits, waits), t)
@@ -184,88 +184,88 @@ def _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, 
         _integral(noise, begin, low(t) * p.inverse_noise), _integral(noise, begin, high(t) * p.inverse_noise)
     )
     signs, since = join_lanes(sign, 0.0 - sign), join_lanes(closed_at, low(t))
-    swept = _segment_terms(p, signs, since, join_lanes(drawn, low(total)), t, past, tilde, poles, total)
+    swept = _edge_interval_terms(p, signs, since, join_lanes(drawn, low(total)), t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
     r1, r2, r3 = join_lanes(r1, h1 - low(w1)), join_lanes(r2, h2 - low(w2)), join_lanes(r3, h3 - low(w3))
-    grown = _integrate_group(swept, r1, r2, r3)
-    b1, b2, b3 = _inject_charge(p, signs, grown)
-    edge_area, slope = _area_slope(p, signs, swept[4], grown, join_lanes(h2, low(b2)), join_lanes(h3, low(b3)))
+    grown = _advance_closed_group(swept, r1, r2, r3)
+    b1, b2, b3 = _inject_switch_charge(p, signs, grown)
+    interval_area, slope = _area_and_slope(p, signs, swept[4], grown, join_lanes(h2, low(b2)), join_lanes(h3, low(b3)))
     pick = select_lanes(splat(p.sampled), t, select_lanes(since, splat(p.sampled - 1e-6), one, zero), zero)
-    picked = select_lanes(splat4(1.0), low(pick), (area + low(edge_area), began, low(t), low(slope)), picked)
-    both_areas = low(edge_area) + high(edge_area)
+    picked = select_lanes(splat4(1.0), low(pick), (area + low(interval_area), began, low(t), low(slope)), picked)
+    both_areas = low(interval_area) + high(interval_area)
     picked = select_lanes(splat4(1.0), high(pick), (both_areas, closed_at, high(t), high(slope)), picked)
     closes = (low(b1) - high(w1), low(b2) - high(w2), low(b3) - high(w3))
     opens = (high(b1), high(b2), high(b3))
-    return closes + opens + (high(t), high(total), sign, high(edge_area), low(t), waits, past_waits, picked)
+    return closes + opens + (high(t), high(total), sign, high(interval_area), low(t), waits, past_waits, picked)
 
 
 @inlined
-def _last_edge(p, s, waiting, on_old, new, gap_new, tilde, poles, noise, begin):
+def _last_edge(p, s, waiting, uses_old_word, new, phase_gap_new, tilde, poles, noise, begin):
     """The third edge of the frame where there is one, and what waits for the next frame; returns the state `s`."""
     (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, _, _, picked) = s
     zero, one = splat4(0.0), splat4(1.0)
     word, inverse, base = splat4(new[0]), splat4(new[1]), splat4(new[2])
-    ahead = gap_new + ((2.0 - waiting) - on_old) * float(HALF)
+    ahead = phase_gap_new + ((2.0 - waiting) - uses_old_word) * float(HALF)
     crossed = base + ceiling(ahead * inverse)
-    t = switch_clock(p, crossed)
+    t = switching_clock(p, crossed)
     past = (t - base) * word - ahead
     end = splat4(p.frame_clocks)
     acts = select_lanes(t, end - 1e-6, one, zero)
     # what crosses in this frame and acts in the next one
-    deferred = select_lanes(one, acts, zero, select_lanes(crossed, end, one, zero))
+    is_deferred = select_lanes(one, acts, zero, select_lanes(crossed, end, one, zero))
     total = _integral(noise, begin, t * p.inverse_noise)
-    swept = _segment_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total)
+    swept = _edge_interval_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
-    grown = _integrate_group(swept, r1, r2, r3)
-    edge_area, slope = _area_slope(p, sign, swept[4], grown, h2, h3)
+    grown = _advance_closed_group(swept, r1, r2, r3)
+    interval_area, slope = _area_and_slope(p, sign, swept[4], grown, h2, h3)
     pick = select_lanes(splat4(p.sampled), t, select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
-    picked = select_lanes(one, pick, (area + edge_area, began, t, slope), picked)
-    a1, a2, a3 = _inject_charge(p, sign, grown)
-    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, edge_area, closed_at)
-    waits_next = select_lanes(one, deferred, (t - end, past), (zero - one, zero))
-    return select_lanes(one, acts, after, s[:11]) + waits_next + (picked,)
+    picked = select_lanes(one, pick, (area + interval_area, began, t, slope), picked)
+    a1, a2, a3 = _inject_switch_charge(p, sign, grown)
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t, total, zero - sign, interval_area, closed_at)
+    next_frame_waits = select_lanes(one, is_deferred, (t - end, past), (zero - one, zero))
+    return select_lanes(one, acts, after, s[:11]) + next_frame_waits + (picked,)
 
 
 @inlined
-def _edge(p, s, n, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin):
+def _edge(p, s, n, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_new, tilde, poles, noise, begin):
     """Edge n of the frame, counted from 0, where there is one, or what waits for the next frame; returns the state."""
     (r1, r2, r3, h1, h2, h3, closed_at, drawn, sign, area, began, waits, past_waits, picked) = s
     zero, one, end = splat4(0.0), splat4(1.0), splat4(p.frame_clocks)
     number = splat4(float(n)) - waiting
     # the first that crosses in this frame may do so before the word has changed
-    first = select_lanes(number, zero, on_old, zero)
+    first = select_lanes(number, zero, uses_old_word, zero)
     word = select_lanes(one, first, splat4(old[0]), splat4(new[0]))
     inverse = select_lanes(one, first, splat4(old[1]), splat4(new[1]))
     base = select_lanes(one, first, zero, splat4(new[2]))
-    ahead = select_lanes(one, first, gap_old, gap_new + (number - on_old) * float(HALF))
+    ahead = select_lanes(one, first, phase_gap_old, phase_gap_new + (number - uses_old_word) * float(HALF))
     crossed = base + ceiling(ahead * inverse)
-    t = switch_clock(p, crossed)
+    t = switching_clock(p, crossed)
     past = (t - base) * word - ahead
     # one whose switch has not followed in the frame before
     was_waiting = select_lanes(number, splat4(-0.5), one, zero)
     t, past = select_lanes(one, was_waiting, waits, t), select_lanes(one, was_waiting, past_waits, past)
     acts = select_lanes(t, end - 1e-6, one, zero)
-    deferred = select_lanes(one, acts, zero, select_lanes(crossed, end, one, zero))
+    is_deferred = select_lanes(one, acts, zero, select_lanes(crossed, end, one, zero))
     # beyond the frame nothing is read
     t_read = select_lanes(t, end, t, end)
     total = _integral(noise, begin, t_read * p.inverse_noise)
-    swept = _segment_terms(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
+    swept = _edge_interval_terms(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
-    grown = _integrate_group(swept, r1, r2, r3)
-    edge_area, slope = _area_slope(p, sign, swept[4], grown, h2, h3)
+    grown = _advance_closed_group(swept, r1, r2, r3)
+    interval_area, slope = _area_and_slope(p, sign, swept[4], grown, h2, h3)
     # the first from `sampled` on, or the last of those before it
     pick = select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero)
-    picked = select_lanes(one, pick, (area + edge_area, began, t_read, slope), picked)
-    a1, a2, a3 = _inject_charge(p, sign, grown)
-    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, edge_area, closed_at)
+    picked = select_lanes(one, pick, (area + interval_area, began, t_read, slope), picked)
+    a1, a2, a3 = _inject_switch_charge(p, sign, grown)
+    after = (h1 - w1, h2 - w2, h3 - w3, a1, a2, a3, t_read, total, zero - sign, interval_area, closed_at)
     # what had waited has acted
-    waits_next = select_lanes(one, was_waiting, (zero - one, zero), (waits, past_waits))
-    waits_next = select_lanes(one, deferred, (t - end, past), waits_next)
-    return select_lanes(one, acts, after, s[:11]) + waits_next + (picked,)
+    next_frame_waits = select_lanes(one, was_waiting, (zero - one, zero), (waits, past_waits))
+    next_frame_waits = select_lanes(one, is_deferred, (t - end, past), next_frame_waits)
+    return select_lanes(one, acts, after, s[:11]) + next_frame_waits + (picked,)
 
 
 @inlined
-def _all_edges(p, q, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin):
+def _all_edges(p, q, s, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_new, tilde, poles, noise, begin):
     """Any number of edges, one after the other; returns the state `s`."""
     # a frame without an edge goes on as the frame before it: one clock long, so that its area is its value
     curve = load4(q, 4 * CURVE)
@@ -274,7 +274,7 @@ def _all_edges(p, q, s, waiting, on_old, old, new, gap_old, gap_new, tilde, pole
     value = (value - curve * p.spread) * p.inverse_rc
     s = s[:13] + ((value, splat4(p.middle - 0.5), splat4(p.middle + 0.5), slope * (2.0 * p.rc)),)
     for n in range(p.edges):
-        s = _edge(p, s, n, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin)
+        s = _edge(p, s, n, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_new, tilde, poles, noise, begin)
     return s
 
 
@@ -285,17 +285,17 @@ def _integral(noise, begin, t):
     at = pair(begin, row + begin) + t
     # a place is never negative: with the mask the compiler knows, too
     i, j, k, m = (
-        int(lane(at, 0)) & INDEX_MASK,
-        int(lane(at, 1)) & INDEX_MASK,
-        int(lane(at, 2)) & INDEX_MASK,
-        int(lane(at, 3)) & INDEX_MASK,
+        int(lane(at, 0)) & NOISE_INDEX_MASK,
+        int(lane(at, 1)) & NOISE_INDEX_MASK,
+        int(lane(at, 2)) & NOISE_INDEX_MASK,
+        int(lane(at, 3)) & NOISE_INDEX_MASK,
     )
-    fraction = at + ceiling(0.0 - at)
-    return four(sums[i], sums[j], sums[k], sums[m]) + four(volts[i], volts[j], volts[k], volts[m]) * fraction
+    sample_fraction = at + ceiling(0.0 - at)
+    return four(sums[i], sums[j], sums[k], sums[m]) + four(volts[i], volts[j], volts[k], volts[m]) * sample_fraction
 
 
 @inlined
-def _phase_gaps(phase, offsets):
+def _phase_to_half_turn(phase, offsets):
     """Phase to the next half turn of each reference: sine and cosine of drive, of sense."""
     d, s = phase + offsets[0], phase + offsets[1]
     quarter = HALF >> 1
@@ -308,14 +308,14 @@ def _phase_gaps(phase, offsets):
 
 
 @inner
-def _frame_state(q):
+def _load_frame_state(q):
     """Rows R1 .. PAST, and what a frame picks: nothing yet."""
     zero, one = splat4(0.0), splat4(1.0)
     return rows4(q, 0, 13) + ((zero, zero, one, zero),)
 
 
 @inner
-def _store_frame(p, q, s):
+def _store_frame_state(p, q, s):
     """The same from frame to frame, clocks counted from the end of this one. Mutates `q`."""
     store_rows(q, 0, 4, s[:13])
     store4(q, 4 * CLOSED_AT, s[CLOSED_AT] - p.frame_clocks)
@@ -336,10 +336,10 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
     """
     phase, word_old = before
     turn_clock, turn_phase, word_new = turn
-    gap_old, gap_new = _phase_gaps(phase, offsets), _phase_gaps(turn_phase, offsets)
+    gap_old, gap_new = _phase_to_half_turn(phase, offsets), _phase_to_half_turn(turn_phase, offsets)
     zero, one = splat4(0.0), splat4(1.0)
     old, new = (float(word_old), 1.0 / word_old, 0.0), (float(word_new), 1.0 / word_new, float(turn_clock))
-    on_old = select_lanes(ceiling(gap_old * old[1]), splat4(float(turn_clock)), one, zero)
+    uses_old_word = select_lanes(ceiling(gap_old * old[1]), splat4(float(turn_clock)), one, zero)
     waiting = select_lanes(zero, load4(q, 4 * WAITING), one, zero)
     base_r, base_i = rows4(base, 0, 2)
     tilde = (
@@ -356,13 +356,15 @@ def demodulate(p, q, before, turn, offsets, base, v, poles, noise, begin):
         pair(v[16], v[18]) * base_r - pair(v[17], v[19]) * base_i,
         pair(v[20], v[22]) * base_r - pair(v[21], v[23]) * base_i,
     )
-    s = _frame_state(q)
+    s = _load_frame_state(q)
     if p.edges:
-        s = _all_edges(p, q, s, waiting, on_old, old, new, gap_old, gap_new, tilde, poles, noise, begin)
+        s = _all_edges(p, q, s, waiting, uses_old_word, old, new, gap_old, gap_new, tilde, poles, noise, begin)
     else:
-        s = _two_edges(p, s, waiting, on_old, old, new, gap_old, gap_new, join_lanes(tilde, tilde), poles, noise, begin)
-        s = _last_edge(p, s, waiting, on_old, new, gap_new, tilde, poles, noise, begin)
-    _store_frame(p, q, s)
+        s = _two_edges(
+            p, s, waiting, uses_old_word, old, new, gap_old, gap_new, join_lanes(tilde, tilde), poles, noise, begin
+        )
+        s = _last_edge(p, s, waiting, uses_old_word, new, gap_new, tilde, poles, noise, begin)
+    _store_frame_state(p, q, s)
     total, since, until, slope = s[-1]
     slope = slope * (0.5 * p.inverse_rc) + p.charge_slope
     length, span = until - since, until - load4(q, 4 * UNTIL)

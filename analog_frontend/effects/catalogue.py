@@ -27,15 +27,15 @@ FIRST = (
 ).split()
 
 
-def _sort_key(module):
+def _effect_sort_key(module):
     name = module.INFO.name
     return (FIRST.index(name), "") if name in FIRST else (len(FIRST), name)
 
 
 def _effect_modules():
-    names = (info.name for info in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."))
+    names = (module_info.name for module_info in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."))
     modules = [importlib.import_module(name) for name in names if name != __name__]
-    return tuple(sorted((m for m in modules if hasattr(m, "terms")), key=_sort_key))
+    return tuple(sorted((m for m in modules if hasattr(m, "terms")), key=_effect_sort_key))
 
 
 LAWS = _effect_modules()

@@ -41,9 +41,9 @@ def design(k3_n_per_m3, mass_kg, h_s, w_rad_per_s):
     return Params(1, k3_n_per_m3 * h_s / (mass_kg * w_rad_per_s)) if k3_n_per_m3 else OFF
 
 
-def k3_from_ratio(ratio_per_um2, k_n_per_m):
+def k3_from_ratio(k3_ratio_per_um2, k_n_per_m):
     """k3 (N/m^3) from k3/k in 1/um^2, as papers give it."""
-    return ratio_per_um2 * 1e12 * k_n_per_m
+    return k3_ratio_per_um2 * 1e12 * k_n_per_m
 
 
 @inlined

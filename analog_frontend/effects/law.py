@@ -73,10 +73,10 @@ class Law(NamedTuple):
     @property
     def unit(self):
         """Unit of the coefficient."""
-        divisors = [(UNITS[f.name], f.power) for f in self.factors if f.name in UNITS and f.dress != SGN]
+        divisor_units = [(UNITS[f.name], f.power) for f in self.factors if f.name in UNITS and f.dress != SGN]
         units = "N" if self.port in FORCE_PORTS else "V"
         powers = {}
-        for unit, power in divisors:
+        for unit, power in divisor_units:
             powers[unit] = powers.get(unit, 0) + power
         return units + "".join(f"/({u})^{n}" if n > 1 else f"/({u})" for u, n in powers.items())
 
@@ -102,21 +102,21 @@ def parse(text):
     port, equals, right = (part.strip() for part in text.partition("="))
     if not equals or port not in PORTS:
         raise ValueError(f"{where}: expected 'PORT = coefficient factors', PORT one of {', '.join(PORTS)}")
-    head, *factors = right.replace("*", " ").split() or [""]
+    head, *factor_texts = right.replace("*", " ").split() or [""]
     try:
         coefficient = float(head)
     except ValueError:
         raise ValueError(f"{where}: {head!r} is not a coefficient") from None
     if not math.isfinite(coefficient):
         raise ValueError(f"{where}: coefficient {coefficient} is not finite")
-    return check_law(Law(port, coefficient, tuple(_factor(item, where) for item in factors)), where)
+    return check_law(Law(port, coefficient, tuple(_factor(item, where) for item in factor_texts)), where)
 
 
 def _factor(item, where):
-    match = _FACTOR.fullmatch(item)
-    if not match:
+    factor_match = _FACTOR.fullmatch(item)
+    if not factor_match:
         raise ValueError(f"{where}: {item!r} is not a factor")
-    form, inside, name, power = match.groups()
+    form, inside, name, power = factor_match.groups()
     power = int(power or 1)
     if form in TIMES:
         try:
@@ -190,7 +190,7 @@ OFF = design((), 1.0, 1.0, 1.0, 0.0)
 
 
 @inlined
-def dress_value(v, dress):
+def apply_dress(v, dress):
     """v, |v| or its sign; zero has none."""
     if dress == SGN:
         return 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
@@ -256,9 +256,9 @@ def gains(force, cv, temp_ref_degc, table, numbers, rate_rad_s, temp_degc, t_s, 
     for k in range(force + cv):
         g = numbers[k, GAIN]
         for _ in range(table[k, RATE_POWER]):
-            g = g * dress_value(rate_rad_s, table[k, RATE_DRESS])
+            g = g * apply_dress(rate_rad_s, table[k, RATE_DRESS])
         for _ in range(table[k, TEMP_POWER]):
-            g = g * dress_value(temp_degc - temp_ref_degc, table[k, TEMP_DRESS])
+            g = g * apply_dress(temp_degc - temp_ref_degc, table[k, TEMP_DRESS])
         if table[k, TIME]:
             keys = table[k, KEY0], table[k, KEY1]
             g = g * _in_time(table[k, TIME], numbers[k, TIME_ARGUMENT], t_s, keys[0], keys[1])
@@ -266,34 +266,34 @@ def gains(force, cv, temp_ref_degc, table, numbers, rate_rad_s, temp_degc, t_s, 
 
 
 @inlined
-def value(table, gain, k, w, offsets, at):
-    """Law `k` from the states at w[offsets[state] + at]."""
+def value(table, gain, k, w, row_starts, at):
+    """Law `k` from the states at w[row_starts[state] + at]."""
     v = gain[k]
     for j in range(FIRST, FIRST + table[k, COUNT]):
         code = table[k, j]
-        v = v * dress_value(w[offsets[code & 15] + at], code & 48)
+        v = v * apply_dress(w[row_starts[code & 15] + at], code & 48)
     return v
 
 
 @inlined
-def instant_state(w, offsets, state, at, end, leads):
+def start_state(w, row_starts, state, at, end, leads):
     """A state at a tick's first instant; of an electrode its mean about that instant."""
-    v = w[offsets[state] + at]
+    v = w[row_starts[state] + at]
     if state == U:
-        return v + leads[0] * (w[offsets[U] + end] - v)
+        return v + leads[0] * (w[row_starts[U] + end] - v)
     if state == W:
-        return v + leads[1] * (w[offsets[W] + end] - v)
+        return v + leads[1] * (w[row_starts[W] + end] - v)
     return v
 
 
 @inlined
-def impulses(force, table, gain, w, offsets, at, end, leads):
+def impulses(force, table, gain, w, row_starts, at, end, leads):
     """Impulses on vx/W and vy/W (m) of all force laws in one tick; `end` is the place of its last instant."""
     x, y = 0.0, 0.0
     for k in range(force):
         v = gain[k]
         for j in range(FIRST, FIRST + table[k, COUNT]):
-            v = v * dress_value(instant_state(w, offsets, table[k, j] & 15, at, end, leads), table[k, j] & 48)
+            v = v * apply_dress(start_state(w, row_starts, table[k, j] & 15, at, end, leads), table[k, j] & 48)
         if table[k, AT_PORT] == 0:
             x = x + v
         else:
@@ -302,12 +302,12 @@ def impulses(force, table, gain, w, offsets, at, end, leads):
 
 
 @inlined
-def volts(force, cv, table, numbers, gain, w, offsets, at, end):
+def volts(force, cv, table, numbers, gain, w, row_starts, at, end):
     """What all C/V laws add in one tick at the two outputs (V), from the states at both of its ends."""
     x, y = 0.0, 0.0
     for k in range(force, force + cv):
         share = numbers[k, END]
-        v = (1.0 - share) * value(table, gain, k, w, offsets, at) + share * value(table, gain, k, w, offsets, end)
+        v = (1.0 - share) * value(table, gain, k, w, row_starts, at) + share * value(table, gain, k, w, row_starts, end)
         if table[k, AT_PORT] == 2:
             x = x + v
         else:

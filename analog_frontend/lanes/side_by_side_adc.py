@@ -111,7 +111,7 @@ def enter(a, k):
 
 
 @inlined
-def store_sums(a, k):
+def unpack_lane_sums(a, k):
     """The reverse. Mutates `a`."""
     for c in range(CHANNELS):
         for j in range(WIDTH):
@@ -119,7 +119,7 @@ def store_sums(a, k):
 
 
 @inlined
-def gather_outputs(a, out, k, ticks):
+def gather_plant_outputs(a, out, k, ticks):
     """The outputs of demodulators of plant `k` as adc.convert_block wants them. Mutates a.row."""
     for c in range(TEMPERATURE):
         for t in range(ticks + 1):
@@ -139,12 +139,12 @@ def _sum_samples(a, out, p, due, m, end):
     """Samples from `due` to `end`, or to the last of a conversion; returns when the next is due, and its place."""
     sensor = load(a.sensor_v, 0)
     tick = due // p.tick_units
-    offset = due - tick * p.tick_units
+    tick_offset = due - tick * p.tick_units
     while due < end and m < p.decimation:
-        while offset >= p.tick_units:
-            offset = offset - p.tick_units
+        while tick_offset >= p.tick_units:
+            tick_offset = tick_offset - p.tick_units
             tick += 1
-        frac = splat(offset * p.per_tick)
+        frac = splat(tick_offset * p.per_tick)
         w0, w1, w2 = adc.weights(p.decimation, m)
         w0, w1, w2 = splat(w0), splat(w1), splat(w2)
         for c in range(TEMPERATURE):
@@ -153,12 +153,12 @@ def _sum_samples(a, out, p, due, m, end):
         _accumulate_sample(a, TEMPERATURE, w0, w1, w2, sensor)
         m += 1
         due = due + p.period
-        offset = offset + p.period
+        tick_offset = tick_offset + p.period
     return due, m
 
 
 @inlined
-def _step_pole(a, at, pole, word):
+def _step_flicker(a, at, pole, word):
     """One pole of a flicker, as in noise.flicker_step."""
     x = DECAY[pole] * load(a.sums, at) + GAIN[pole] * (word * 1.0 - splat(HALF))
     store(a.sums, at, x)
@@ -174,8 +174,8 @@ def _flicker(a, c, counts):
         x, y = noise.words(key0, key1, counts * (POLES // 4) + block)
         k = 4 * block
         at = (WIDTH * c + FRAMES + k) * LANES
-        s0, s1 = _step_pole(a, at, k, x & LOW), _step_pole(a, at + LANES, k + 1, x >> 16)
-        s2, s3 = _step_pole(a, at + 2 * LANES, k + 2, y & LOW), _step_pole(a, at + 3 * LANES, k + 3, y >> 16)
+        s0, s1 = _step_flicker(a, at, k, x & LOW), _step_flicker(a, at + LANES, k + 1, x >> 16)
+        s2, s3 = _step_flicker(a, at + 2 * LANES, k + 2, y & LOW), _step_flicker(a, at + 3 * LANES, k + 3, y >> 16)
         total = total + ((s0 + s1) + (s2 + s3))
     return load(a.flicker_level, c * LANES) * total
 

@@ -58,7 +58,7 @@ from fpga_model.jit import inlined, outlined
 
 
 @inlined
-def _noise_pair(v, pair, counter):
+def _noise_pair_samples(v, pair, counter):
     """Sample number `counter` of both sources of a pair."""
     at = 2 * LANES * pair
     x, y = noise.words(integers(v.keys, at), integers(v.keys, at + LANES), counter)
@@ -87,7 +87,7 @@ def _three(g, at, p1, p2, p3, f1, f2, f3):
 
 
 @inlined
-def _dac_chain(g, at, p1, p2, p3, u, du, jit):
+def _step_dac_chain(g, at, p1, p2, p3, u, du, jit):
     """A tick of a DAC's chain, from its numbers at `at`: three of the inputs for each pole, then the triangle."""
     f1 = load(g, at) * u + load(g, at + 8) * du + load(g, at + 16) * jit
     f2 = load(g, at + 24) * u + load(g, at + 32) * du + load(g, at + 40) * jit
@@ -96,12 +96,12 @@ def _dac_chain(g, at, p1, p2, p3, u, du, jit):
 
 
 @inlined
-def _fill_inputs(v, tick, first, n):
+def _fill_input_rows(v, tick, first, n):
     """Rows of what acts in ticks `first` .. `first` + n - 1 of a block: outputs of the DACs, their steps, noise."""
     w = v.w
     carry_d, plain_d = load(v.carry, 0), load(v.carry, LANES)
     carry_s, plain_s = load(v.carry, 2 * LANES), load(v.carry, 3 * LANES)
-    pending_d, pending_s = load(v.late_area, 0), load(v.late_area, LANES)
+    pending_area_d, pending_area_s = load(v.late_area, 0), load(v.late_area, LANES)
     zero = splat(0.0)
     nd, ns, jd, js, fx, fy, nx, ny = zero, zero, zero, zero, zero, zero, zero, zero
     begin = tick + first
@@ -109,20 +109,20 @@ def _fill_inputs(v, tick, first, n):
     for t in range(n):
         if t == new:
             if v.flags[DACS]:
-                nd, ns = _noise_pair(v, DACS, sample)
+                nd, ns = _noise_pair_samples(v, DACS, sample)
             if v.flags[FORCES]:
-                fx, fy = _noise_pair(v, FORCES, sample)
+                fx, fy = _noise_pair_samples(v, FORCES, sample)
             if v.flags[CVS]:
-                nx, ny = _noise_pair(v, CVS, sample)
+                nx, ny = _noise_pair_samples(v, CVS, sample)
             sample += 1
             new = sample * HOLD - begin
         if v.flags[JITTER]:
-            jd, js = _noise_pair(v, JITTER, JITTERED * (begin + t))
+            jd, js = _noise_pair_samples(v, JITTER, JITTERED * (begin + t))
         at = 2 * (first + t) * LANES
         before, now, later = _volts(v, 0, at), _volts(v, 0, at + 16), _volts(v, 0, at + 32)
         rise = now - before
-        area = (rise * jd) * plain_d + pending_d
-        pending_d = ((later - now) * jd) * carry_d
+        area = (rise * jd) * plain_d + pending_area_d
+        pending_area_d = ((later - now) * jd) * carry_d
         if v.flags[GLITCHES]:
             area = area - load(v.throws, at)
         store(w, UD + t * LANES, before + nd)
@@ -130,8 +130,8 @@ def _fill_inputs(v, tick, first, n):
         store(w, AD + t * LANES, area)
         before, now, later = _volts(v, 1, at + 8), _volts(v, 1, at + 24), _volts(v, 1, at + 40)
         rise = now - before
-        area = (rise * js) * plain_s + pending_s
-        pending_s = ((later - now) * js) * carry_s
+        area = (rise * js) * plain_s + pending_area_s
+        pending_area_s = ((later - now) * js) * carry_s
         if v.flags[GLITCHES]:
             area = area - load(v.throws, at + LANES)
         store(w, US + t * LANES, before + ns)
@@ -141,8 +141,8 @@ def _fill_inputs(v, tick, first, n):
         store(w, FY + t * LANES, fy)
         store(w, NX + t * LANES, nx)
         store(w, NY + t * LANES, ny)
-    store(v.late_area, 0, pending_d)
-    store(v.late_area, LANES, pending_s)
+    store(v.late_area, 0, pending_area_d)
+    store(v.late_area, LANES, pending_area_s)
 
 
 @inlined
@@ -153,14 +153,14 @@ def _chains(v, n):
     s1, s2, s3 = load(z, 24), load(z, 32), load(z, 40)
     for t in range(0, n * LANES, LANES):
         store_rows(w, D1 + t, ROW, (d1, d2, d3, s1, s2, s3))
-        d1, d2, d3 = _dac_chain(g, AT_DRIVE, d1, d2, d3, load(w, UD + t), load(w, DUD + t), load(w, AD + t))
-        s1, s2, s3 = _dac_chain(g, AT_SENSE, s1, s2, s3, load(w, US + t), load(w, DUS + t), load(w, AS + t))
+        d1, d2, d3 = _step_dac_chain(g, AT_DRIVE, d1, d2, d3, load(w, UD + t), load(w, DUD + t), load(w, AD + t))
+        s1, s2, s3 = _step_dac_chain(g, AT_SENSE, s1, s2, s3, load(w, US + t), load(w, DUS + t), load(w, AS + t))
     store_rows(w, D1 + n * LANES, ROW, (d1, d2, d3, s1, s2, s3))
     store_rows(z, 0, LANES, (d1, d2, d3, s1, s2, s3))
 
 
 @inlined
-def _force_modes(v, n):
+def _fill_mode_forcing(v, n):
     """What all inputs give to the modes, in the order of INPUTS; two ticks at a time share the matrix."""
     g, w = v.g, v.w
     for t in range(0, n * LANES, 2 * LANES):
@@ -213,12 +213,12 @@ def _advance_modes(v, kind, floats, ints, n):
 
 
 @inlined
-def _mode_sum(g, at, x0, v0, x1, v1):
+def _pickoff_input(g, at, x0, v0, x1, v1):
     return ((load(g, at) * x0 + load(g, at + 48) * v0) + load(g, at + 96) * x1) + load(g, at + 144) * v1
 
 
 @inlined
-def _path_sum(g, at, b, p1, p2, p3):
+def _add_cv_terms(g, at, b, p1, p2, p3):
     return ((b + load(g, at) * p1) + load(g, at + 8) * p2) + load(g, at + 16) * p3
 
 
@@ -233,11 +233,11 @@ def _pickoff(v, at, cv, z, x, vx, end_vx, row, path, n):
     for t in range(0, n * LANES, LANES):
         x0, v0, x1, v1 = load(w, x + t), load(w, vx + t), load(w, x + t + LANES), load(w, end_vx + t)
         store_rows(w, row + ROW + t, ROW, (p2, p3))
-        store(w, path + t, _path_sum(g, cv + 48, _mode_sum(g, at + 24, x0, v0, x1, v1), p1, p2, p3))
-        store(w, path + ROW + t, _path_sum(g, cv + 72, _mode_sum(g, at + 32, x0, v0, x1, v1), p1, p2, p3))
-        store(w, path + 2 * ROW + t, _path_sum(g, cv + 96, _mode_sum(g, at + 40, x0, v0, x1, v1), p1, p2, p3))
-        f1, f2 = _mode_sum(g, at, x0, v0, x1, v1), _mode_sum(g, at + 8, x0, v0, x1, v1)
-        p1, p2, p3 = _three(g, cv, p1, p2, p3, f1, f2, _mode_sum(g, at + 16, x0, v0, x1, v1))
+        store(w, path + t, _add_cv_terms(g, cv + 48, _pickoff_input(g, at + 24, x0, v0, x1, v1), p1, p2, p3))
+        store(w, path + ROW + t, _add_cv_terms(g, cv + 72, _pickoff_input(g, at + 32, x0, v0, x1, v1), p1, p2, p3))
+        store(w, path + 2 * ROW + t, _add_cv_terms(g, cv + 96, _pickoff_input(g, at + 40, x0, v0, x1, v1), p1, p2, p3))
+        f1, f2 = _pickoff_input(g, at, x0, v0, x1, v1), _pickoff_input(g, at + 8, x0, v0, x1, v1)
+        p1, p2, p3 = _three(g, cv, p1, p2, p3, f1, f2, _pickoff_input(g, at + 16, x0, v0, x1, v1))
     store_rows(w, row + ROW + n * LANES, ROW, (p2, p3))
     store_rows(v.z, z, LANES, (p1, p2, p3))
 
@@ -252,7 +252,7 @@ def push(kind, floats, ints, at):
         if e.any_force or force:
             k = at + plant
             leads = v.law_leads[plant]
-            add_x = effects.force_impulse(e, w[X + k], law.instant_state(w, STATE_OFFSETS, law.U, k, k + LANES, leads))
+            add_x = effects.force_impulse(e, w[X + k], law.start_state(w, STATE_OFFSETS, law.U, k, k + LANES, leads))
             if force:
                 table, gains = v.law_tables[plant], v.law_gains[plant]
                 law_x, law_y = law.impulses(force, table, gains, w, STATE_OFFSETS, k, k + LANES, leads)
@@ -285,9 +285,9 @@ def add_rows(kind, floats, ints, n):
 def linear(kind, floats, ints, tick, first, n):
     """Everything up to the demodulators for `n` ticks (at most STRIP) of a block, from its tick `first` on."""
     v = opened(floats, ints)
-    _fill_inputs(v, tick, first, n)
+    _fill_input_rows(v, tick, first, n)
     _chains(v, n)
-    _force_modes(v, n)
+    _fill_mode_forcing(v, n)
     _advance_modes(v, kind, floats, ints, n)
     _pickoff(v, AT_PICKOFF, AT_CV, 80, X, VX, END_VX, CX1, PATH_X, n)
     _pickoff(v, AT_PICKOFF + 192, AT_CV + CV, 104, Y, VY, END_VY, CY1, PATH_Y, n)

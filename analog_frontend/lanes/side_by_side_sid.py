@@ -1,6 +1,6 @@
 """Eight plants: the demodulators of a strip of ticks, and the ticks in which a reference edge falls.
 
-Without an edge all 32 demodulators follow at once, as `follow_ticks` of sid.py. Edges are gathered, one of each plant in a
+Without an edge all 32 demodulators follow at once (`step_edgeless_ticks`). Edges are gathered, one of each plant in a
 slot: what does not depend on the capacitors is computed for all eight at once, as sid.py's `edge` does; then the
 capacitors change one by one. Strips that differ (an edge that acts a tick later) go by the functions that `top` calls.
 Source    docs/decisions/0012-lanes.md
@@ -25,7 +25,7 @@ from analog_frontend.lanes.side_by_side import (
 from analog_frontend.numeric.vector import clamp_lanes, integers, load, splat, store, store_rows
 from analog_frontend.parts import noise, sid
 from analog_frontend.parts.sid import STAGES, TERMS
-from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, apply_switches, switch_instants
+from analog_frontend.sid_edges import DEMODULATORS, JITTERED, Switches, apply_switches, collect_switch_instants
 from fpga_model.jit import inlined, outlined
 
 LATER = 1 << 40
@@ -35,7 +35,7 @@ Q, FIRST, SECOND = 0, 3, 9
 
 
 @inlined
-def _follow_lanes(v, d, f1, f2, f3):
+def _step_edgeless_tick(v, d, f1, f2, f3):
     """A tick of demodulator `d` without an edge; returns its output. Mutates `v.on`."""
     at = 3 * d * LANES
     e1, e2, e3 = load(v.sid, 0), load(v.sid, LANES), load(v.sid, 2 * LANES)
@@ -54,7 +54,7 @@ def _output(v, d):
 
 
 @outlined
-def begin_block(floats, ints):
+def schedule_first_edges(floats, ints):
     """The first tick of a block at which the switches of each plant move. Mutates `v.due`, `v.edge_index`, `v.out`."""
     v = opened(floats, ints)
     for plant in range(LANES):
@@ -72,7 +72,7 @@ def begin_block(floats, ints):
 
 
 @inlined
-def _gather_edges(v, tick, first, n, plant):
+def _gather_strip_edges(v, tick, first, n, plant):
     """The edges of one plant in a strip, one a slot: how many; -1 where a switch acts a tick after its edge.
 
     Mutates v.edge_inputs, v.counters, v.which.
@@ -129,7 +129,7 @@ def _term(v, i, j, v0, a, c2, c3, s):
 
 
 @inlined
-def _compute_factors(v, slot):
+def _compute_edge_factors(v, slot):
     """What the edges of a slot give that does not depend on the capacitors. Mutates v.factors."""
     x, f = slot * EDGE_INPUT_ROWS * LANES, slot * FACTORS * LANES
     tau = load(v.edge_inputs, x + TAU * LANES)
@@ -154,16 +154,16 @@ def gather(floats, ints, tick, first, n):
     soonest, most = LATER, 0
     for plant in range(LANES):
         v.slot[plant] = 0
-        v.slots[plant] = _gather_edges(v, tick, first, n, plant)
+        v.slots[plant] = _gather_strip_edges(v, tick, first, n, plant)
         most = max(most, v.slots[plant])
         soonest = min(soonest, v.due[plant])
     for slot in range(most):
-        _compute_factors(v, slot)
+        _compute_edge_factors(v, slot)
     return soonest
 
 
 @inlined
-def _segment_lanes(v, f, n, w1, w2, w3, q1, q2, q3):
+def _advance_segment(v, f, n, w1, w2, w3, q1, q2, q3):
     """Three capacitors, less the response at the piece's beginning, over a piece; f its factors. As sid.py's."""
     e, e2, e3 = v.factors[f], v.factors[f + LANES], v.factors[f + 2 * LANES]
     s1, s2, s3 = v.factors[f + 3 * LANES], v.factors[f + 4 * LANES], v.factors[f + 5 * LANES]
@@ -175,8 +175,8 @@ def _segment_lanes(v, f, n, w1, w2, w3, q1, q2, q3):
 
 
 @inlined
-def _apply_edges(v, t, plant, touched_count):
-    """The edges of one plant in tick `t` of the block, behind `touched_count` of others; returns the new count.
+def _apply_plant_edges(v, t, plant, switched_count):
+    """The edges of one plant in tick `t` of the block, behind `switched_count` of others; returns the new count.
 
     Leaves what they give in v.fixed and v.touched.
     """
@@ -187,10 +187,10 @@ def _apply_edges(v, t, plant, touched_count):
         ref, n = v.switch[plant, d], v.edge_inputs[x + ADDED * LANES]
         q1, q2, q3 = v.factors[f], v.factors[f + LANES], v.factors[f + 2 * LANES]
         w1, w2, w3 = v.on[at], v.on[at + LANES], v.on[at + 2 * LANES]
-        w1, w2, w3 = _segment_lanes(v, f + FIRST * LANES, n, w1, w2, w3, q1, q2, q3)
+        w1, w2, w3 = _advance_segment(v, f + FIRST * LANES, n, w1, w2, w3, q1, q2, q3)
         opens = 0 if ref else STAGES
-        index = DEMODULATORS * plant + d
-        fixed = v.fixed[index]
+        demodulator_index = DEMODULATORS * plant + d
+        fixed = v.fixed[demodulator_index]
         fixed[STAGES] = w1 + v.sid_inject[plant, opens]
         fixed[STAGES + 1] = w2 + v.sid_inject[plant, opens + 1]
         fixed[STAGES + 2] = w3 + v.sid_inject[plant, opens + 2]
@@ -200,22 +200,22 @@ def _apply_edges(v, t, plant, touched_count):
             v.edge_inputs[x + (P1 + 1) * LANES],
             v.edge_inputs[x + (P1 + 2) * LANES],
         )
-        fixed[0], fixed[1], fixed[2] = _segment_lanes(v, f + SECOND * LANES, n, w1, w2, w3, p1, p2, p3)
+        fixed[0], fixed[1], fixed[2] = _advance_segment(v, f + SECOND * LANES, n, w1, w2, w3, p1, p2, p3)
         v.switch[plant, d] = 0 if ref else 1
-        v.touched[touched_count] = index
+        v.touched[switched_count] = demodulator_index
         v.slot[plant] = slot + 1
-        touched_count += 1
+        switched_count += 1
         k += 1
     v.edge_index[plant] = k
     v.due[plant] = v.edges[plant, k, 0] // v.clocks[0] if k < v.edge_counts[plant] else LATER
-    return touched_count
+    return switched_count
 
 
 # ---- one plant's tick by itself ------------------------------------------------------------------------------------
 
 
 @inlined
-def _load_group(v, plant, d, ref):
+def _load_capacitors(v, plant, d, ref):
     """Capacitors of one demodulator of one plant as sid.py has them, into row `d` of v.caps. Mutates it."""
     for k in range(STAGES):
         at = (3 * d + k) * LANES + plant
@@ -224,8 +224,8 @@ def _load_group(v, plant, d, ref):
 
 
 @outlined
-def _switch_plant(floats, ints, tick, t, row, plant, touched_count):
-    """Tick `t` of a block for a plant in which switches move, in place `row` of the strip; as `_apply_edges`."""
+def _move_switches(floats, ints, tick, t, row, plant, switched_count):
+    """Tick `t` of a block for a plant in which switches move, in place `row` of the strip; as `_apply_plant_edges`."""
     v = opened(floats, ints)
     edge_count, edges = v.edge_counts[plant], v.edges[plant]
     first = v.edge_index[plant]
@@ -239,44 +239,44 @@ def _switch_plant(floats, ints, tick, t, row, plant, touched_count):
     p = sid.Params(q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], v.sid_inject[plant], v.sid_taylor[plant])
     switches = Switches(v.switch_tau_s[plant], v.switch_carry[plant], jitter, p.h_s, v.clocks[0])
     gain, driver_s, w, k = v.slope_gain[plant], v.driver_s[plant], v.w, row * LANES + plant
-    pending = 0
+    deferred_total = 0
     for d in range(DEMODULATORS):
-        ref, pending_tau_s, waiting = v.switch[plant, d], v.late_tau_s[plant, d], v.late_count[plant, d]
-        count, deferred = switch_instants(
-            switches, tick + t, t, d, ref, first, last, edges, pending_tau_s, waiting, v.taus_s
+        ref, pending_taus_s, waiting = v.switch[plant, d], v.late_tau_s[plant, d], v.late_count[plant, d]
+        count, deferred_count = collect_switch_instants(
+            switches, tick + t, t, d, ref, first, last, edges, pending_taus_s, waiting, v.taus_s
         )
-        v.late_count[plant, d] = deferred
-        pending += deferred
+        v.late_count[plant, d] = deferred_count
+        deferred_total += deferred_count
         if count > 0:
             path, cv, n = (PATH_X + k, CX1 + ROW + k, w[NX + k]) if d < 2 else (PATH_Y + k, CY1 + ROW + k, w[NY + k])
             p1, p2, p3 = w[path], w[path + ROW], w[path + 2 * ROW]
             before, v0, after, v1 = w[cv], w[cv + ROW], w[cv + LANES], w[cv + ROW + LANES]
             dv0, dv1 = (gain * before - v0) / driver_s, (gain * after - v1) / driver_s
-            _load_group(v, plant, d, ref)
+            _load_capacitors(v, plant, d, ref)
             ref = apply_switches(p, v.caps, d, ref, v.taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1)
             v.switch[plant, d] = ref
-            index = DEMODULATORS * plant + d
+            demodulator_index = DEMODULATORS * plant + d
             for i in range(STAGES):
-                v.fixed[index, i] = v.caps[d, i if ref else STAGES + i]
-                v.fixed[index, STAGES + i] = v.caps[d, STAGES + i if ref else i]
-            v.touched[touched_count] = index
-            touched_count += 1
+                v.fixed[demodulator_index, i] = v.caps[d, i if ref else STAGES + i]
+                v.fixed[demodulator_index, STAGES + i] = v.caps[d, STAGES + i if ref else i]
+            v.touched[switched_count] = demodulator_index
+            switched_count += 1
     v.due[plant] = edges[last, 0] // v.clocks[0] if last < edge_count else LATER
-    if pending > 0:
+    if deferred_total > 0:
         v.due[plant] = t + 1
-    return touched_count
+    return switched_count
 
 
 # ---- a strip -------------------------------------------------------------------------------------------------------
 
 
 @inlined
-def _store_touched(v, t, touched_count):
+def _store_switched_demodulators(v, t, switched_count):
     """Capacitors and outputs of the demodulators with an edge in tick `t`, over those of a tick without one."""
-    for i in range(touched_count):
-        index = v.touched[i]
-        plant, d = index // DEMODULATORS, index % DEMODULATORS
-        fixed = v.fixed[index]
+    for i in range(switched_count):
+        demodulator_index = v.touched[i]
+        plant, d = demodulator_index // DEMODULATORS, demodulator_index % DEMODULATORS
+        fixed = v.fixed[demodulator_index]
         for k in range(STAGES):
             at = (3 * d + k) * LANES + plant
             v.on[at] = fixed[k]
@@ -303,20 +303,20 @@ def demodulate(floats, ints, tick, first, n):
     v = opened(floats, ints)
     soonest = gather(floats, ints, tick, first, n)
     for t in range(n):
-        touched_count = 0
+        switched_count = 0
         if first + t == soonest:
             soonest = LATER
             for plant in range(LANES):
                 if v.due[plant] == first + t:
                     if v.slots[plant] < 0:
-                        touched_count = _switch_plant(floats, ints, tick, first + t, t, plant, touched_count)
+                        switched_count = _move_switches(floats, ints, tick, first + t, t, plant, switched_count)
                     else:
-                        touched_count = _apply_edges(v, first + t, plant, touched_count)
+                        switched_count = _apply_plant_edges(v, first + t, plant, switched_count)
                 soonest = min(soonest, v.due[plant])
         f1, f2, f3 = _feed(v, t * LANES, PATH_X, NX)
         g1, g2, g3 = _feed(v, t * LANES, PATH_Y, NY)
-        drive = _follow_lanes(v, 0, f1, f2, f3), _follow_lanes(v, 1, f1, f2, f3)
-        sense = _follow_lanes(v, 2, g1, g2, g3), _follow_lanes(v, 3, g1, g2, g3)
+        drive = _step_edgeless_tick(v, 0, f1, f2, f3), _step_edgeless_tick(v, 1, f1, f2, f3)
+        sense = _step_edgeless_tick(v, 2, g1, g2, g3), _step_edgeless_tick(v, 3, g1, g2, g3)
         store_rows(v.out, (first + t + 1) * LANES, TICKS * LANES, drive + sense)
-        if touched_count:
-            _store_touched(v, first + t, touched_count)
+        if switched_count:
+            _store_switched_demodulators(v, first + t, switched_count)

@@ -5,7 +5,7 @@ Source    docs/decisions/0012-lanes.md
 
 from analog_frontend.lanes.side_by_side import STRIP
 from analog_frontend.lanes.side_by_side_linear import linear
-from analog_frontend.lanes.side_by_side_sid import begin_block, demodulate
+from analog_frontend.lanes.side_by_side_sid import demodulate, schedule_first_edges
 from fpga_model.jit import outlined
 
 
@@ -15,7 +15,7 @@ def advance_lanes(kind, floats, ints, tick, n):
 
     kind  of an effects.Params. v.codes holds what the DACs put out, v.edges the reference edges
     """
-    begin_block(floats, ints)
+    schedule_first_edges(floats, ints)
     for first in range(0, n, STRIP):
         count = min(STRIP, n - first)
         linear(kind, floats, ints, tick, first, count)

@@ -34,7 +34,7 @@ class RecordLayout(NamedTuple):
     opened: object  # function of both arrays that returns the record
 
 
-def _round_up(size):
+def _round_up_to_lanes(size):
     return -(-size // LANES) * LANES
 
 
@@ -43,8 +43,8 @@ def record_layout(record, first=(0, 0)):
     sizes, rows = list(first), []
     for name, (kind, shape) in record.__annotations__.items():
         rows.append((name, kind, sizes[kind], shape))
-        sizes[kind] += _round_up(prod(shape))
-    return RecordLayout(tuple(rows), tuple(sizes), _python_views(record, rows) if DISABLED else _native(record, rows))
+        sizes[kind] += _round_up_to_lanes(prod(shape))
+    return RecordLayout(tuple(rows), tuple(sizes), _python_opener(record, rows) if DISABLED else _native(record, rows))
 
 
 def room(sizes):
@@ -54,10 +54,10 @@ def room(sizes):
 
 def views(record, at, floats, integers):
     """The record for Python."""
-    return _python_views(record, at.rows)(floats, integers)
+    return _python_opener(record, at.rows)(floats, integers)
 
 
-def _python_views(record, rows):
+def _python_opener(record, rows):
     def open_views(floats, integers):
         arrays = (floats, integers)
         return record(*(arrays[kind][at : at + prod(shape)].reshape(shape) for _, kind, at, shape in rows))
@@ -73,12 +73,12 @@ def _native(record, rows):
     def number(value):
         return ir.Constant(word, value)
 
-    def view(context, builder, kind, base, offset, shape):
+    def view(context, builder, kind, base, array_offset, shape):
         array = make_array(kind)(context, builder)
         strides = [prod(shape[k + 1 :]) * ITEM_BYTES for k in range(len(shape))]
         populate_array(
             array,
-            data=builder.gep(base.data, [number(offset)]),
+            data=builder.gep(base.data, [number(array_offset)]),
             shape=[number(n) for n in shape],
             strides=[number(n) for n in strides],
             itemsize=number(ITEM_BYTES),
@@ -91,8 +91,8 @@ def _native(record, rows):
         def codegen(context, builder, signature, args):
             bases = [make_array(t)(context, builder, a) for t, a in zip(signature.args, args)]
             arrays = [
-                view(context, builder, record_type.types[k], bases[kind], offset, shape)
-                for k, (_, kind, offset, shape) in enumerate(rows)
+                view(context, builder, record_type.types[k], bases[kind], array_offset, shape)
+                for k, (_, kind, array_offset, shape) in enumerate(rows)
             ]
             return context.make_tuple(builder, record_type, arrays)
 
@@ -101,7 +101,7 @@ def _native(record, rows):
     return open_views
 
 
-def _array_view(kind, python, native):
+def _array_view_function(kind, python, native):
     """Function of an address and a number: that many numbers that stand there."""
     if DISABLED:
         return lambda address, n: np.frombuffer((python * n).from_address(address), native)
@@ -121,6 +121,6 @@ def _array_view(kind, python, native):
     return row_at
 
 
-int32_at = _array_view(types.int32, ctypes.c_int32, np.int32)
-int64_at = _array_view(types.int64, ctypes.c_int64, np.int64)
-float64_at = _array_view(types.float64, ctypes.c_double, np.float64)
+int32_at = _array_view_function(types.int32, ctypes.c_int32, np.int32)
+int64_at = _array_view_function(types.int64, ctypes.c_int64, np.int64)
+float64_at = _array_view_function(types.float64, ctypes.c_double, np.float64)

@@ -30,7 +30,7 @@ class KindType(types.Type):
 
 
 @typeof_impl.register(Kind)
-def _type_kind(kind, context):
+def _typeof_kind(kind, context):
     return KindType(typeof(kind.record))
 
 
@@ -81,22 +81,22 @@ def _unpack_native(typingctx, kind, ints, floats):
 
     def codegen(context, builder, signature, args):
         arrays = [context.make_array(signature.args[k])(context, builder, args[k]) for k in (1, 2)]
-        positions = [0, 0]
+        read_positions = [0, 0]
 
         def get(which, kind):
             array_type = signature.args[1 + which]
-            position = context.get_constant(types.intp, positions[which])
-            pointer = cgutils.get_item_pointer(context, builder, array_type, arrays[which], [position])
-            positions[which] += 1
+            read_position = context.get_constant(types.intp, read_positions[which])
+            pointer = cgutils.get_item_pointer(context, builder, array_type, arrays[which], [read_position])
+            read_positions[which] += 1
             value = context.unpack_value(builder, array_type.dtype, pointer)
             return context.cast(builder, value, array_type.dtype, kind)
 
         def build(kind):
             if isinstance(kind, types.BaseTuple):
-                struct = ir.Constant(context.get_value_type(kind), ir.Undefined)
+                record_struct = ir.Constant(context.get_value_type(kind), ir.Undefined)
                 for k, item in enumerate(kind.types):
-                    struct = builder.insert_value(struct, build(item), k)
-                return struct
+                    record_struct = builder.insert_value(record_struct, build(item), k)
+                return record_struct
             if isinstance(kind, types.NoneType):
                 return context.get_dummy_value()
             return get(1 if isinstance(kind, types.Float) else 0, kind)

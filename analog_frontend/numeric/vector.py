@@ -145,6 +145,6 @@ else:
 
 def aligned_zeros(size):
     """Zeros that start at a multiple of 64 bytes: a register of eight lanes then never straddles two cache lines."""
-    padded = np.zeros(size + LANES)
-    first = -(padded.ctypes.data // 8) % LANES
-    return padded[first : first + size]
+    padded_zeros = np.zeros(size + LANES)
+    first = -(padded_zeros.ctypes.data // 8) % LANES
+    return padded_zeros[first : first + size]

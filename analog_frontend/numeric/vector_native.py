@@ -15,12 +15,12 @@ LANES, FIVE = 8, 5
 
 
 class Vector(types.Type):
-    """Numba's type of `lanes` numbers in one register."""
+    """Numba's type of `lane_count` numbers in one register."""
 
-    def __init__(self, name, number, lanes):
-        self.lanes = lanes
-        self.native = ir.VectorType(number, lanes)
-        super().__init__(name=f"{name}{lanes}")
+    def __init__(self, name, number, lane_count):
+        self.lanes = lane_count
+        self.native = ir.VectorType(number, lane_count)
+        super().__init__(name=f"{name}{lane_count}")
 
 
 @register_default(Vector)
@@ -34,15 +34,15 @@ INTEGERS = Vector("integers", ir.IntType(64), LANES)
 _INT32 = ir.IntType(32)
 
 
-def _shuffle_lanes(builder, x, y, lanes):
-    return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, len(lanes)), list(lanes)))
+def _shuffle_lanes(builder, x, y, source_lanes):
+    return builder.shuffle_vector(x, y, ir.Constant(ir.VectorType(_INT32, len(source_lanes)), list(source_lanes)))
 
 
 def _pointer(context, builder, signature, args, native, offset=0):
     array = context.make_array(signature.args[0])(context, builder, args[0])
     index = context.cast(builder, args[1], signature.args[1], types.intp)
-    address = builder.gep(array.data, [builder.add(index, offset) if offset else index])
-    return builder.bitcast(address, native.as_pointer())
+    item_pointer = builder.gep(array.data, [builder.add(index, offset) if offset else index])
+    return builder.bitcast(item_pointer, native.as_pointer())
 
 
 def _map_registers(context, builder, result, apply, *args):
@@ -116,12 +116,12 @@ def rows4(typingctx, a, i, count):
     return rows(a, i, count), codegen
 
 
-def _gather_scalars(order):
-    """Four lanes from scalars: lane k is argument `order[k]`."""
+def _gather_codegen(argument_order):
+    """Four lanes from scalars: lane k is argument `argument_order[k]`."""
 
     def codegen(context, builder, signature, args):
         v = ir.Constant(QUAD.native, ir.Undefined)
-        for k, number in enumerate(order):
+        for k, number in enumerate(argument_order):
             v = builder.insert_element(v, args[number], ir.Constant(_INT32, k))
         return v
 
@@ -130,12 +130,12 @@ def _gather_scalars(order):
 
 @intrinsic
 def four(typingctx, a, b, c, d):
-    return QUAD(types.float64, types.float64, types.float64, types.float64), _gather_scalars((0, 1, 2, 3))
+    return QUAD(types.float64, types.float64, types.float64, types.float64), _gather_codegen((0, 1, 2, 3))
 
 
 @intrinsic
 def pair(typingctx, a, b):
-    return QUAD(types.float64, types.float64), _gather_scalars((0, 0, 1, 1))
+    return QUAD(types.float64, types.float64), _gather_codegen((0, 0, 1, 1))
 
 
 @intrinsic
@@ -264,11 +264,11 @@ def _operation(name):
     return apply
 
 
-def _overload_vectors(symbol, name):
+def _overload_vector_operator(symbol, name):
     apply = _operation(name)
 
     @overload(symbol)
-    def _type_vectors(a, b):
+    def _vector_implementation(a, b):
         if a in (VECTOR, QUAD) and a == b:
             return lambda a, b: apply(a, b)
         if a in (VECTOR, QUAD) and isinstance(b, types.Float):
@@ -282,11 +282,11 @@ def _overload_vectors(symbol, name):
         return None
 
 
-def _overload_integers(symbol, name):
+def _overload_integer_operator(symbol, name):
     apply = _operation(name)
 
     @overload(symbol)
-    def _type_integers(a, b):
+    def _integer_implementation(a, b):
         if a == INTEGERS and b == INTEGERS:
             return lambda a, b: apply(a, b)
         if a == INTEGERS and isinstance(b, types.Integer):
@@ -302,6 +302,6 @@ _FLOATS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", ope
 _INTEGERS = {operator.add: "add", operator.sub: "sub", operator.mul: "mul"}
 _INTEGERS |= {operator.and_: "and_", operator.xor: "xor", operator.rshift: "ashr"}
 for _symbol, _name in _FLOATS.items():
-    _overload_vectors(_symbol, _name)
+    _overload_vector_operator(_symbol, _name)
 for _symbol, _name in _INTEGERS.items():
-    _overload_integers(_symbol, _name)
+    _overload_integer_operator(_symbol, _name)

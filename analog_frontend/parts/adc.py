@@ -316,17 +316,17 @@ def convert_block(p, clock, sums, out, ticks, sensor_v):
     due = clock[DUE]
     end = ticks * p.tick_units
     if due < end:
-        a0, a1, a2 = _load_column(sums, 0), _load_column(sums, 1), _load_column(sums, 2)
+        a0, a1, a2 = _load_integrator(sums, 0), _load_integrator(sums, 1), _load_integrator(sums, 2)
         t0, t1, t2 = sums[TEMPERATURE, 0], sums[TEMPERATURE, 1], sums[TEMPERATURE, 2]
         n = p.decimation
         m = clock[SAMPLE]
         # the tick of a sample by subtraction: a division for each would cost a twentieth of the plant
-        tick, offset = 0, due
+        tick, tick_offset = 0, due
         while due < end:
-            while offset >= p.tick_units:
-                offset = offset - p.tick_units
+            while tick_offset >= p.tick_units:
+                tick_offset = tick_offset - p.tick_units
                 tick += 1
-            frac = offset * p.per_tick
+            frac = tick_offset * p.per_tick
             w0, w1, w2 = weights(n, m)
             start = load4(out, 4 * tick)
             v = start + splat4(frac) * (load4(out, 4 * tick + 4) - start)
@@ -340,29 +340,29 @@ def convert_block(p, clock, sums, out, ticks, sensor_v):
             if m == n:
                 m = 0
                 clock[PENDING] = due + p.delay
-                _store_column(sums, 0, a0, t0)
-                _store_column(sums, 1, a1, t1)
-                _store_column(sums, 2, a2, t2)
+                _store_integrator(sums, 0, a0, t0)
+                _store_integrator(sums, 1, a1, t1)
+                _store_integrator(sums, 2, a2, t2)
                 convert(p, clock, sums)
-                a0, a1, a2 = _load_column(sums, 0), _load_column(sums, 1), _load_column(sums, 2)
+                a0, a1, a2 = _load_integrator(sums, 0), _load_integrator(sums, 1), _load_integrator(sums, 2)
                 t0, t1, t2 = sums[TEMPERATURE, 0], sums[TEMPERATURE, 1], sums[TEMPERATURE, 2]
             due = due + p.period
-            offset = offset + p.period
+            tick_offset = tick_offset + p.period
         clock[SAMPLE] = m
-        _store_column(sums, 0, a0, t0)
-        _store_column(sums, 1, a1, t1)
-        _store_column(sums, 2, a2, t2)
+        _store_integrator(sums, 0, a0, t0)
+        _store_integrator(sums, 1, a1, t1)
+        _store_integrator(sums, 2, a2, t2)
     clock[DUE] = due - end
     return ready(p, clock, ticks)
 
 
 @inlined
-def _load_column(sums, j):
+def _load_integrator(sums, j):
     return four(sums[0, j], sums[1, j], sums[2, j], sums[3, j])
 
 
 @inlined
-def _store_column(sums, j, quad, temperature):
+def _store_integrator(sums, j, quad, temperature):
     sums[0, j] = lane(quad, 0)
     sums[1, j] = lane(quad, 1)
     sums[2, j] = lane(quad, 2)

@@ -40,7 +40,7 @@ def diode_charge(u):
     return step / 3.0 * sum(weight * density(k * step) for k, weight in enumerate(weights))
 
 
-def _ring_noise(device, channel, temp_degc):
+def _ring_noise_resistance(device, channel, temp_degc):
     """(charge noise V/rtHz, resistance ohm that the ring shows between its two outputs)."""
     arguments = ring_diode.arguments(device, channel, temp_degc)
     ring, (carrier_v, carrier_hz, *_, diode_degc, _) = ring_diode.diode_ring(*arguments), arguments
@@ -64,8 +64,8 @@ def cv_noise_shares(device, temp_degc, channel="sense"):
     }
     # the ring is only asked where somebody wants to know: a chain of another kind has none
     if device.ring_noise_on or device.ina_current_noise_a_per_rthz:
-        ring_noise, ohm = _ring_noise(device, channel, temp_degc)
-        shares["ring"] = ring_noise if device.ring_noise_on else 0.0
+        ring_charge_noise, ohm = _ring_noise_resistance(device, channel, temp_degc)
+        shares["ring"] = ring_charge_noise if device.ring_noise_on else 0.0
         shares["current"] = warm.ina_current_noise_a_per_rthz * ohm / math.sqrt(2.0)
     return shares
 

@@ -49,9 +49,9 @@ def end_share(instant_s, poles_s, tick_s):
     """
     rates = np.array([1.0 / pole for pole in poles_s])
     a = np.diag(-rates) + np.diag(rates[1:], -1)
-    steady = np.linalg.solve(np.eye(len(rates)) - expm(a * tick_s), np.ones(len(rates)))
-    residue = (expm(a * (tick_s - instant_s)) @ steady)[-1]
-    return float(1.0 + residue - (instant_s + sum(poles_s)) / tick_s)
+    steady_states = np.linalg.solve(np.eye(len(rates)) - expm(a * tick_s), np.ones(len(rates)))
+    step_residue = (expm(a * (tick_s - instant_s)) @ steady_states)[-1]
+    return float(1.0 + step_residue - (instant_s + sum(poles_s)) / tick_s)
 
 
 @inlined

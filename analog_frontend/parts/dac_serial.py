@@ -102,13 +102,13 @@ def step(p, s, sync_n, sclk_en, sdin, ldac_n):
         if sync_n == 0 and s.sync_n == 1:
             count = 0
         elif sync_n == 1 and s.sync_n == 0 and (p.exact == 0 or s.count == p.bits):
-            address = s.shift & p.address_mask
-            if address == p.address_value:
+            address_field = s.shift & p.address_mask
+            if address_field == p.address_value:
                 staged = decode_word(p, s.shift)
                 if p.has_ldac == 0 or ldac_n == 0:
                     latch = staged
                     updated = 1
-            elif address == p.control_value:
+            elif address_field == p.control_value:
                 enabled = 1 if s.shift & p.clamp_mask == 0 else 0
                 updated = 1
         if p.has_ldac == 1 and ldac_n == 0 and s.ldac_n == 1:

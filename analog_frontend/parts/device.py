@@ -177,7 +177,7 @@ def validate(device):
 
 def make(**values):
     """The default device with some fields changed, validated; an unknown name is a ValueError too."""
-    bad_names = sorted(set(values) - set(Device._fields))
-    if bad_names:
-        raise ValueError(f"no such field of the device: {', '.join(bad_names)}")
+    invalid_names = sorted(set(values) - set(Device._fields))
+    if invalid_names:
+        raise ValueError(f"no such field of the device: {', '.join(invalid_names)}")
     return validate(Device(**values))

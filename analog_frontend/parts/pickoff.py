@@ -33,7 +33,7 @@ class Force(NamedTuple):
 NONE = Force(0.0, (), 0.0)
 
 
-def image_velocity(w, tick_s, force):
+def image_velocity_ratio(w, tick_s, force):
     """rho."""
     w_k = w + 2 * math.pi * IMAGES / tick_s
     chain = np.ones_like(w_k, complex)
@@ -49,7 +49,7 @@ def lag_deg(poles_s, frequency_hz, tick_s, force=NONE):
     a = np.diag(-rates) + np.diag(rates[1:], -1)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     u, weights = (nodes + 1) / 2, weights / 2 * tick_s
-    begin, end, slope = 1.0, np.exp(1j * w * tick_s), 1j * w * tick_s * (1 + image_velocity(w, tick_s, force))
+    begin, end, slope = 1.0, np.exp(1j * w * tick_s), 1j * w * tick_s * (1 + image_velocity_ratio(w, tick_s, force))
     cubic = begin * (1 - 3 * u**2 + 2 * u**3) + end * (3 * u**2 - 2 * u**3)
     cubic += slope * (begin * (u - 2 * u**2 + u**3) + end * (u**3 - u**2))
     error = cubic - np.exp(1j * w * tick_s * u)

@@ -58,7 +58,7 @@ PX1, PY1 = 16, 19
 DRIVE, SENSE, MODES, DRIVE_CV, SENSE_CV, DRIVE_SID, SENSE_SID = 0, 3, 6, 10, 13, 16, 19
 INPUT_DRIVE, INPUT_SENSE, INPUT_FX, INPUT_FY = range(22, 26)
 SIZE = 26
-JET_COLUMNS = tuple(range(16)) + (INPUT_DRIVE, INPUT_SENSE, INPUT_FX, INPUT_FY)
+TICK_COLUMNS = tuple(range(16)) + (INPUT_DRIVE, INPUT_SENSE, INPUT_FX, INPUT_FY)
 JET_ROWS = tuple(range(16)) + (U_DRIVE, U_SENSE, F_X, F_Y)
 
 # jet j is the coefficient of O^p K^q
@@ -141,15 +141,15 @@ def multiply(ah, al, bh, bl):
     ch = np.zeros((JETS, size, width))
     cl = np.zeros((JETS, size, width))
     for n in range(PAIRS.shape[0]):
-        out, lhs, rhs = PAIRS[n]
+        out, jet_a, jet_b = PAIRS[n]
         for i in range(size):
             for k in range(size):
-                x = ah[lhs, i, k]
+                x = ah[jet_a, i, k]
                 if x != 0.0:
                     for m in range(width):
-                        if bh[rhs, k, m] != 0.0:
+                        if bh[jet_b, k, m] != 0.0:
                             ch[out, i, m], cl[out, i, m] = _fma(
-                                ch[out, i, m], cl[out, i, m], x, al[lhs, i, k], bh[rhs, k, m], bl[rhs, k, m]
+                                ch[out, i, m], cl[out, i, m], x, al[jet_a, i, k], bh[jet_b, k, m], bl[jet_b, k, m]
                             )
     for j in range(JETS):
         for i in range(size):
@@ -159,16 +159,16 @@ def multiply(ah, al, bh, bl):
 
 
 @kernel
-def taylor(indices, value, terms, xh, xl):
-    """Sum over k = 0 .. terms of (A^k / k!) X; A is sparse: indices (row, column, jet), value (hi, lo)."""
+def taylor(entry_indices, value, terms, xh, xl):
+    """Sum over k = 0 .. terms of (A^k / k!) X; A is sparse: entry_indices (row, column, jet), value (hi, lo)."""
     sum_h = xh.copy()
     sum_l = xl.copy()
     width = xh.shape[2]
     for k in range(1, terms + 1):
         yh = np.zeros(xh.shape)
         yl = np.zeros(xh.shape)
-        for e in range(indices.shape[0]):
-            row, col, jet = indices[e]
+        for e in range(entry_indices.shape[0]):
+            row, col, jet = entry_indices[e]
             ah, al = _fma(0.0, 0.0, value[e, 0], value[e, 1], RECIPROCALS[k, 0], RECIPROCALS[k, 1])
             for j in range(JETS):
                 out = SHIFT[jet, j]
@@ -181,10 +181,10 @@ def taylor(indices, value, terms, xh, xl):
         for j in range(JETS):
             for i in range(xh.shape[1]):
                 for m in range(width):
-                    h, error = _two_sum(yh[j, i, m], yl[j, i, m])
-                    yh[j, i, m], yl[j, i, m] = h, error
+                    h, rounding_error = _two_sum(yh[j, i, m], yl[j, i, m])
+                    yh[j, i, m], yl[j, i, m] = h, rounding_error
                     s, t = _two_sum(sum_h[j, i, m], h)
-                    sum_h[j, i, m], sum_l[j, i, m] = _two_sum(s, t + (sum_l[j, i, m] + error))
+                    sum_h[j, i, m], sum_l[j, i, m] = _two_sum(s, t + (sum_l[j, i, m] + rounding_error))
         xh, xl = yh, yl
     return sum_h, sum_l
 
@@ -216,8 +216,8 @@ def locate(temp_lo_degc, step_k, count, temp_degc):
     if count == 1:
         return 0, 0.0
     position = (temp_degc - temp_lo_degc) / step_k
-    index = min(max(int(position), 0), count - 2)
-    return index, position - index
+    knot_index = min(max(int(position), 0), count - 2)
+    return knot_index, position - knot_index
 
 
 def cv_chain(device, channel, temp_degc):
@@ -268,8 +268,8 @@ def _generator(device, gains, rings, amplifiers, rc):
 
 def _sparse(entries, duration):
     """Generator times `duration` as the arrays `taylor` reads; entries that are exactly zero are left out."""
-    nonzero = [(index, value * duration) for index, value in entries.items() if value != 0]
-    return np.array([index for index, _ in nonzero]), np.array([split(value) for _, value in nonzero])
+    nonzero = [(entry_index, value * duration) for entry_index, value in entries.items() if value != 0]
+    return np.array([entry_index for entry_index, _ in nonzero]), np.array([split(value) for _, value in nonzero])
 
 
 def _columns(columns):
@@ -295,7 +295,7 @@ HERMITE = ((1, 0, -6, 12), (0, 1, -4, 6), (0, 0, 6, -12), (0, 0, -2, 6))
 
 def _pickoff(entries, tick, norm):
     """(2, 4, 6): C/V states and SID path of both channels after a tick from zero, driven by the cubic of x."""
-    matrices = []
+    pickoff_matrices = []
     for cv, sid, mode in ((DRIVE_CV, DRIVE_SID, resonator.X), (SENSE_CV, SENSE_SID, resonator.Y)):
         states = (cv, cv + 1, cv + 2, sid, sid + 1, sid + 2, MODES + mode)
         a = {
@@ -306,7 +306,7 @@ def _pickoff(entries, tick, norm):
         # the input is the seventh state, its derivatives by time in ticks are the last three
         a |= {(6 + k, 7 + k, 0): 1 / tick for k in range(3)}
         pieces = max(1, int(MP.ceil(norm * tick / 4)))
-        indices, value = _sparse(a, tick / pieces)
+        entry_indices, value = _sparse(a, tick / pieces)
         hi, lo = np.zeros((JETS, 10, 4)), np.zeros((JETS, 10, 4))
         for column, derivatives in enumerate(HERMITE):
             # x' is given as x'/W per second
@@ -314,9 +314,9 @@ def _pickoff(entries, tick, norm):
             for k, derivative in enumerate(derivatives):
                 hi[0, 6 + k, column], lo[0, 6 + k, column] = split(derivative * unit)
         for _ in range(pieces):
-            hi, lo = taylor(indices, value, COLUMN_TERMS, hi, lo)
-        matrices.append(hi[0, :6].T)
-    return np.array(matrices)
+            hi, lo = taylor(entry_indices, value, COLUMN_TERMS, hi, lo)
+        pickoff_matrices.append(hi[0, :6].T)
+    return np.array(pickoff_matrices)
 
 
 class Clock(NamedTuple):
@@ -331,12 +331,12 @@ DEFAULT_CLOCK = Clock()
 
 def _matrix_power(one, n):
     """A double-double matrix to the power n, by the bits of n from the left."""
-    power = one
+    partial_power = one
     for bit in bin(n)[3:]:
-        power = multiply(*power, *power)
+        partial_power = multiply(*partial_power, *partial_power)
         if bit == "1":
-            power = multiply(*power, *one)
-    return power
+            partial_power = multiply(*partial_power, *one)
+    return partial_power
 
 
 def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
@@ -357,29 +357,29 @@ def build(device, temp_degc, chain=None, clock=DEFAULT_CLOCK):
     norm = 2 * max(*rates, resonator.W, 2 * MP.pi * max(warm.fx_hz, warm.fy_hz))
 
     halvings = max(0, int(MP.ceil(MP.log(norm * cycle_time, 2))))
-    indices, value = _sparse(entries, cycle_time / 2**halvings)
-    per_cycle = taylor(indices, value, MATRIX_TERMS, *_columns([{row: MP.mpf(1)} for row in range(SIZE)]))
+    entry_indices, value = _sparse(entries, cycle_time / 2**halvings)
+    per_cycle = taylor(entry_indices, value, MATRIX_TERMS, *_columns([{row: MP.mpf(1)} for row in range(SIZE)]))
     for _ in range(halvings):
         per_cycle = multiply(*per_cycle, *per_cycle)
-    full_tick, _ = _matrix_power(per_cycle, clock.cycles)
+    tick_matrix, _ = _matrix_power(per_cycle, clock.cycles)
     g_jet = np.zeros((JETS, INPUTS, OUTPUTS))
-    for col, row in zip(JET_COLUMNS, JET_ROWS):
-        g_jet[:, row, :INPUT_DRIVE] = full_tick[:, :INPUT_DRIVE, col]
+    for col, row in zip(TICK_COLUMNS, JET_ROWS):
+        g_jet[:, row, :INPUT_DRIVE] = tick_matrix[:, :INPUT_DRIVE, col]
 
     steps, jitters, carries = [], [], []
     for input_state, delay_s in ((INPUT_DRIVE, warm.drive_dac_delay_s), (INPUT_SENSE, warm.sense_dac_delay_s)):
-        instant_cycle, remainder, carry = instants(MP.mpf(delay_s), cycle_time, clock.cycles)
-        shortest = cycle_time - remainder
+        latency_cycles, delay_remainder, carry = instants(MP.mpf(delay_s), cycle_time, clock.cycles)
+        shortest = cycle_time - delay_remainder
         pieces = max(1, int(MP.ceil(norm * shortest / 4)))
-        indices, value = _sparse(entries, shortest / pieces)
+        entry_indices, value = _sparse(entries, shortest / pieces)
         # e^(A s) u and its derivative e^(A s) A u; A times the first would lose the settled states to cancellation
         x = _columns([{input_state: MP.mpf(1)}, {row: v for (row, col, _), v in entries.items() if col == input_state}])
         for _ in range(pieces):
-            x = taylor(indices, value, COLUMN_TERMS, *x)
+            x = taylor(entry_indices, value, COLUMN_TERMS, *x)
         step = np.zeros((JETS, clock.cycles, OUTPUTS))
         jitter = np.zeros((JETS, clock.cycles, OUTPUTS))
-        for delay_cycles in range(clock.cycles - 1, -1, -1):
-            c = (delay_cycles - instant_cycle) % clock.cycles
+        for step_cycle in range(clock.cycles - 1, -1, -1):
+            c = (step_cycle - latency_cycles) % clock.cycles
             step[:, c, :INPUT_DRIVE] = x[0][:, :INPUT_DRIVE, 0]
             # a later instant is a shorter duration: minus
             jitter[:, c, :INPUT_DRIVE] = 0.0 - x[0][:, :INPUT_DRIVE, 1]

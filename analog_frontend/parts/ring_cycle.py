@@ -114,12 +114,12 @@ def exponential(x):
     for k in range(12, 0, -1):
         e = 1.0 + r * e * RECIPROCALS[k]
     factor = 2.0 if n > 0.0 else 0.5
-    exponent = int(abs(n))
-    while exponent > 0:
-        if exponent & 1:
+    binary_exponent = int(abs(n))
+    while binary_exponent > 0:
+        if binary_exponent & 1:
             e = e * factor
         factor = factor * factor
-        exponent >>= 1
+        binary_exponent >>= 1
     return e
 
 
@@ -169,7 +169,7 @@ def slopes(p, a, b, c, d, plus_f, minus_f, dc_f_per_s):
 
 
 @inlined
-def edge_nodes(p, a, b, c, d, dc_f):
+def nodes_after_edge(p, a, b, c, d, dc_f):
     """C and D behind a rising edge from the nodes before it: A with C, and B with D, keep their charge."""
     plus_f, minus_f = p.c0_f + dc_f + p.stray_f, p.c0_f - dc_f + p.stray_f
     _, q2 = junction(p, c - b)
@@ -200,34 +200,34 @@ def edge_nodes(p, a, b, c, d, dc_f):
 @kernel
 def half_period(p, nodes_v, dc_f, dc_f_per_s, out):
     """Half a period from `nodes_v`, dC = dc_f + dc_f_per_s t: out[:4] the nodes behind it, out[4] the mean of C - D."""
-    c, d = edge_nodes(p, nodes_v[0], nodes_v[1], nodes_v[2], nodes_v[3], dc_f)
+    c, d = nodes_after_edge(p, nodes_v[0], nodes_v[1], nodes_v[2], nodes_v[3], dc_f)
     a, b, t = c + p.start_v, d + p.start_v, START * p.half_s
     plus_f, minus_f = p.c0_f + p.stray_f + dc_f, p.c0_f + p.stray_f - dc_f
     area = (c - d) * t
-    swing_v = abs(dc_f) * p.carrier_v / (p.c0_f + p.stray_f - abs(dc_f))
-    steps = int(max(p.steps, STIFF * swing_v / p.nvt_v))
+    output_swing_v = abs(dc_f) * p.carrier_v / (p.c0_f + p.stray_f - abs(dc_f))
+    steps = int(max(p.steps, STIFF * output_swing_v / p.nvt_v))
     log_step = p.log_span / steps
     ratio = exponential(0.5 * log_step)
     for _ in range(steps):
         # Runge and Kutta's step of fourth order in ln t
         middle = t * ratio
         end = middle * ratio
-        h, delta_f = log_step * t, dc_f_per_s * t
-        a1, b1, c1, d1 = slopes(p, a, b, c, d, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
+        h, dc_change_f = log_step * t, dc_f_per_s * t
+        a1, b1, c1, d1 = slopes(p, a, b, c, d, plus_f + dc_change_f, minus_f - dc_change_f, dc_f_per_s)
         a1, b1, c1, d1 = h * a1, h * b1, h * c1, h * d1
         s1 = h * (c - d)
-        h, delta_f = log_step * middle, dc_f_per_s * middle
+        h, dc_change_f = log_step * middle, dc_f_per_s * middle
         an, bn, cn, dn = a + 0.5 * a1, b + 0.5 * b1, c + 0.5 * c1, d + 0.5 * d1
-        a2, b2, c2, d2 = slopes(p, an, bn, cn, dn, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
+        a2, b2, c2, d2 = slopes(p, an, bn, cn, dn, plus_f + dc_change_f, minus_f - dc_change_f, dc_f_per_s)
         a2, b2, c2, d2 = h * a2, h * b2, h * c2, h * d2
         s2 = h * (cn - dn)
         an, bn, cn, dn = a + 0.5 * a2, b + 0.5 * b2, c + 0.5 * c2, d + 0.5 * d2
-        a3, b3, c3, d3 = slopes(p, an, bn, cn, dn, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
+        a3, b3, c3, d3 = slopes(p, an, bn, cn, dn, plus_f + dc_change_f, minus_f - dc_change_f, dc_f_per_s)
         a3, b3, c3, d3 = h * a3, h * b3, h * c3, h * d3
         s3 = h * (cn - dn)
-        h, delta_f = log_step * end, dc_f_per_s * end
+        h, dc_change_f = log_step * end, dc_f_per_s * end
         an, bn, cn, dn = a + a3, b + b3, c + c3, d + d3
-        a4, b4, c4, d4 = slopes(p, an, bn, cn, dn, plus_f + delta_f, minus_f - delta_f, dc_f_per_s)
+        a4, b4, c4, d4 = slopes(p, an, bn, cn, dn, plus_f + dc_change_f, minus_f - dc_change_f, dc_f_per_s)
         s4 = h * (cn - dn)
         a = a + (a1 + 2.0 * (a2 + a3) + h * a4) * (1.0 / 6)
         b = b + (b1 + 2.0 * (b2 + b3) + h * b4) * (1.0 / 6)
@@ -280,11 +280,11 @@ def steady_state(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
         part = min(1.0, p.nvt_v / largest) if largest else 1.0
         nodes_v = [v + part * m for v, m in zip(nodes_v, move)]
         if largest < SETTLED_V:
-            return _steady_motion(p, dc_f, nodes_v, by_node, residual_jacobian)
+            return _linearize_fixed_point(p, dc_f, nodes_v, by_node, residual_jacobian)
     raise ValueError(f"ring_cycle dc_f: no steady state of the ring at {dc_f:g} F")
 
 
-def _steady_motion(p, dc_f, nodes_v, by_node, residual_jacobian):
+def _linearize_fixed_point(p, dc_f, nodes_v, by_node, residual_jacobian):
     """`Steady` from a fixed point, the derivatives there and 1 less those."""
     h = p.half_s
     by_dc = _per(*(_after(p, nodes_v, dc_f + s) for s in (-STEP_F, STEP_F)), STEP_F)
@@ -293,10 +293,10 @@ def _steady_motion(p, dc_f, nodes_v, by_node, residual_jacobian):
     def output(nodes, direct):
         return sum(j * row[0] for j, row in zip(by_node[4], nodes)) + direct[4][0]
 
-    nodes_per_f = small_algebra.solve_linear(residual_jacobian, by_dc[:4])
-    volts_per_f = output(nodes_per_f, by_dc)
+    nodes_v_per_f = small_algebra.solve_linear(residual_jacobian, by_dc[:4])
+    volts_per_f = output(nodes_v_per_f, by_dc)
     # S(dC + s h) + s L = half(S + s L, dC, s): what is behind the motion, and the mean counts from the middle
-    lag = small_algebra.solve_linear(residual_jacobian, [[y[0] - h * x[0]] for x, y in zip(nodes_per_f, by_slope)])
+    lag = small_algebra.solve_linear(residual_jacobian, [[y[0] - h * x[0]] for x, y in zip(nodes_v_per_f, by_slope)])
     slope_v_s_per_f = volts_per_f * h / 2 - output(lag, by_slope)
     return Steady(tuple(nodes_v), _after(p, nodes_v, dc_f)[4], volts_per_f, slope_v_s_per_f)
 
@@ -311,7 +311,7 @@ def curve(p, intervals):
 
 
 @functools.cache
-def _sine_table():
+def _odd_harmonic_sines():
     """sin((2 k + 1) theta) of as many odd harmonics as there are points in a quarter wave; a row for each point."""
     angles = [(n + MP.mpf(0.5)) * MP.pi / (2 * QUARTER) for n in range(QUARTER)]
     return [[small_algebra.unit((2 * k + 1) * angle).imag for k in range(QUARTER)] for angle in angles]
@@ -323,7 +323,7 @@ def large(p, dc_f):
     if not 0.0 < dc_f < p.c0_f:
         raise ValueError(f"ring_cycle dc_f: {dc_f} F is not between 0 and c0_f = {p.c0_f} F")
     small = steady_state(p, 0.0)
-    nodes, rows, waves = small.nodes_v, [], _sine_table()
+    nodes, rows, waves = small.nodes_v, [], _odd_harmonic_sines()
     for wave in waves:
         rows.append(steady_state(p, dc_f * wave[0], nodes))
         nodes = rows[-1].nodes_v

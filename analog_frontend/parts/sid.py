@@ -101,7 +101,7 @@ def injection_volts(charge_c, mismatch, c_f, leaked_c=0.0):
     return (first + leaked_c / c_f,) * STAGES + (first * (1.0 - mismatch),) * STAGES
 
 
-def device_injection(warm):
+def device_injection_volts(warm):
     """`injection_volts` of a device at its temperature: charge of a switch, leakage over half a turn of f_x."""
     leaked_c = warm.sid_leakage_a / (2.0 * warm.fx_hz)
     return injection_volts(warm.sid_charge_c, warm.sid_charge_mismatch, warm.sid_c_f, leaked_c)
@@ -125,7 +125,7 @@ def output(caps, d):
 
 
 @inlined
-def follow_tick(p, caps, d, ref, n, p1, p2, p3):
+def step_edgeless_tick(p, caps, d, ref, n, p1, p2, p3):
     """One tick of demodulator `d` without an edge: the group of `ref` follows, the other holds. Mutates `caps`."""
     g = 0 if ref else STAGES
     w1 = caps[d, g]
@@ -137,8 +137,8 @@ def follow_tick(p, caps, d, ref, n, p1, p2, p3):
 
 
 @inlined
-def follow_ticks(p, caps, refs, w, feed, stride, t0, t1, out):
-    """Ticks t0 .. t1 - 1 of all four without an edge: bit for bit `follow_tick` at each. Mutates `caps` and `out`.
+def step_edgeless_ticks(p, caps, refs, w, feed, stride, t0, t1, out):
+    """Ticks t0 .. t1 - 1 of all four without an edge: the bits of `step_edgeless_tick`. Mutates `caps` and `out`.
 
     refs  (4,) references
     w     row feed + k holds p_k + n s_k of the drive channel, feed + 3 + k that of the sense channel
@@ -149,7 +149,7 @@ def follow_ticks(p, caps, refs, w, feed, stride, t0, t1, out):
     w1 = four(caps[0, g0], caps[1, g1], caps[2, g2], caps[3, g3])
     w2 = four(caps[0, g0 + 1], caps[1, g1 + 1], caps[2, g2 + 1], caps[3, g3 + 1])
     w3 = four(caps[0, g0 + 2], caps[1, g1 + 2], caps[2, g2 + 2], caps[3, g3 + 2])
-    off_v = four(caps[0, 5 - g0], caps[1, 5 - g1], caps[2, 5 - g2], caps[3, 5 - g3])
+    open_group_v = four(caps[0, 5 - g0], caps[1, 5 - g1], caps[2, 5 - g2], caps[3, 5 - g3])
     sign = four(1.0 if refs[0] else -1.0, 1.0 if refs[1] else -1.0, 1.0 if refs[2] else -1.0, 1.0 if refs[3] else -1.0)
     e1, e2, e3 = splat4(p.e1), splat4(p.e2), splat4(p.e3)
     for t in range(t0, t1):
@@ -159,7 +159,7 @@ def follow_ticks(p, caps, refs, w, feed, stride, t0, t1, out):
         w3 = e1 * w3 + (e2 * w2 + (e3 * w1 + f3))
         w2 = e1 * w2 + (e2 * w1 + f2)
         w1 = e1 * w1 + f1
-        store4(out, 4 * (t + 1), sign * (w3 - off_v))
+        store4(out, 4 * (t + 1), sign * (w3 - open_group_v))
     for k in range(DEMODULATORS):
         g = 0 if refs[k] else STAGES
         caps[k, g] = lane(w1, k)
@@ -213,7 +213,7 @@ def factors(u):
 
 
 @inlined
-def _follow_segment(caps, d, ref, n, piece, start, end):
+def _advance_segment(caps, d, ref, n, piece, start, end):
     """The group of `ref` over a piece with these `factors`, from response `start` to `end`; mutates `caps`."""
     g = 0 if ref else STAGES
     e, e2, e3, s1, s2, s3 = piece
@@ -232,7 +232,7 @@ def _lanes(v, k):
 
 
 @inlined
-def _open_switches(p, caps, d, ref):
+def _inject_switch_charge(p, caps, d, ref):
     """The switches of the group of `ref` open; mutates `caps`."""
     g = 0 if ref else STAGES
     for k in range(g, g + STAGES):
@@ -247,9 +247,9 @@ def edge(p, caps, d, ref, tau_s, n, p1, p2, p3, v0, dv0, v1, dv1):
     # both pieces at once, in the first two lanes
     pieces = factors(four(p.r * s, p.r * (1.0 - s), 0.0, 0.0))
     old = 0 if ref else 1
-    _follow_segment(caps, d, old, n, _lanes(pieces, 0), (0.0, 0.0, 0.0), q)
-    _open_switches(p, caps, d, old)
-    _follow_segment(caps, d, ref, n, _lanes(pieces, 1), q, (p1, p2, p3))
+    _advance_segment(caps, d, old, n, _lanes(pieces, 0), (0.0, 0.0, 0.0), q)
+    _inject_switch_charge(p, caps, d, old)
+    _advance_segment(caps, d, ref, n, _lanes(pieces, 1), q, (p1, p2, p3))
 
 
 @kernel
@@ -262,9 +262,9 @@ def edges(p, caps, d, ref, taus_s, count, n, p1, p2, p3, v0, dv0, v1, dv1):
     for i in range(count):
         t = taus_s[i] / p.h_s
         before, q = q, response(p, v0, dv0, v1, dv1, t)
-        _follow_segment(caps, d, ref, n, factors(p.r * (t - s)), before, q)
-        _open_switches(p, caps, d, ref)
+        _advance_segment(caps, d, ref, n, factors(p.r * (t - s)), before, q)
+        _inject_switch_charge(p, caps, d, ref)
         ref = 0 if ref else 1
         s = t
-    _follow_segment(caps, d, ref, n, factors(p.r * (1.0 - s)), q, (p1, p2, p3))
+    _advance_segment(caps, d, ref, n, factors(p.r * (1.0 - s)), q, (p1, p2, p3))
     return ref

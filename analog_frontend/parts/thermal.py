@@ -69,8 +69,8 @@ def device_at_temperature(device, temp_degc):
         (("ina_current_noise_a_per_rthz",), ratio ** ((bias - beta) / 2)),
         (("sid_flicker_v_per_rthz",), ratio ** MP.mpf(device.sid_flicker_exponent)),
     )
-    values = {name: float(MP.mpf(getattr(device, name)) * factor) for names, factor in laws for name in names}
-    return validate(Device(**(device._asdict() | values)))
+    scaled_fields = {name: float(MP.mpf(getattr(device, name)) * factor) for names, factor in laws for name in names}
+    return validate(Device(**(device._asdict() | scaled_fields)))
 
 
 class Params(NamedTuple):

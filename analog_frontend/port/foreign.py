@@ -27,10 +27,10 @@ EDGE = SENSE_CODE + MOST_TICKS
 WORDS = EDGE + 2 * MOST_EDGES
 DRDY = adc.CHANNELS  # of gyro_adc: codes, then two instants
 MOTIONS = 4
-LEAST_DRDY_CLOCKS = 800  # clocks between two falls of DRDY
+LEAST_DRDY_INTERVAL = 800  # clocks between two falls of DRDY
 # words of `failed`: what, the block's first tick, which, the value
 KIND, AT_TICK, WHICH, VALUE = range(4)
-NOTHING, RETURNED, CODE, PROMISE, DRDY_INTERVAL, NOT_FINITE = range(6)
+NOTHING, RETURNED, CODE, PROMISE, SHORT_DRDY_INTERVAL, NOT_FINITE = range(6)
 
 
 class Params(NamedTuple):
@@ -114,11 +114,11 @@ def _check_reply(port, tick, first, second):
         if not adc.CODE_LO <= codes[k] <= adc.CODE_HI:
             _fail(failed, CODE, tick, k, codes[k])
     for k in range(2):
-        promised = second if k else first
-        if codes[DRDY + k] < 0 or (promised >= 0 and codes[DRDY + k] != promised):
-            _fail(failed, PROMISE, tick, promised, codes[DRDY + k])
-    if codes[DRDY + 1] - codes[DRDY] < LEAST_DRDY_CLOCKS:
-        _fail(failed, DRDY_INTERVAL, tick, codes[DRDY], codes[DRDY + 1])
+        promised_clock = second if k else first
+        if codes[DRDY + k] < 0 or (promised_clock >= 0 and codes[DRDY + k] != promised_clock):
+            _fail(failed, PROMISE, tick, promised_clock, codes[DRDY + k])
+    if codes[DRDY + 1] - codes[DRDY] < LEAST_DRDY_INTERVAL:
+        _fail(failed, SHORT_DRDY_INTERVAL, tick, codes[DRDY], codes[DRDY + 1])
     for k in range(MOTIONS):
         if not abs(port.motion[k]) < np.inf:
             _fail(failed, NOT_FINITE, tick, k, 0)
@@ -165,6 +165,6 @@ def run_library(port, p, clock, tick, n, drive_cycle, sense_cycle, work, edge_co
             clock[adc.CODES + k] = port.adc[k]
         second = port.adc[DRDY + 1]
     elif second < 0:  # the chunk goes on to its end without the library, whatever it said
-        second = first + passed + LEAST_DRDY_CLOCKS
+        second = first + passed + LEAST_DRDY_INTERVAL
     promise(p, clock, first, second)
     return fell

@@ -63,10 +63,10 @@ def main():
     from testbench.console.show import print_tables
 
     need_repository()
-    result_table = table(measure_cpu_times(ROOT / "build" / "bench"))
-    print_tables([result_table])
+    cpu_time_table = table(measure_cpu_times(ROOT / "build" / "bench"))
+    print_tables([cpu_time_table])
     page = ROOT / "docs" / "speed.md"
-    text = f"Measured with `{COMMAND}` on {result_table.note}.\n\n{markdown(result_table)}"
+    text = f"Measured with `{COMMAND}` on {cpu_time_table.note}.\n\n{markdown(cpu_time_table)}"
     write_text(page, replace_part(page.read_text(), "c_firmware", text))
     print("written: docs/speed.md")
     return 0

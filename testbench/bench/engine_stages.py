@@ -94,7 +94,7 @@ def measure(repeats=7, frames=400):
     b.amplitude[:], b.rate[:] = f.control.agc.loop.y, f.control.rate_loop.loop.y
     word = f.control.frequency_tracker.word
     turn = Turn(0, f.dds.phase, word, word, 0, word, sim.design.dds_bits)
-    count, _ = _reference_edges(sim.params, turn, f.registers, b)
+    count, _ = _frame_reference_edges(sim.params, turn, f.registers, b)
     quad_code = f.control.quadrature_loop.root.y
     kernels.advance(sim, FRAME_TICKS)
     a.work.w[:] = sim.state.plant.work.w
@@ -131,5 +131,5 @@ def measure(repeats=7, frames=400):
 
 
 @hot
-def _reference_edges(p, turn, bank, b):
+def _frame_reference_edges(p, turn, bank, b):
     return pins.reference_edges(p.fpga.design, p.fpga.references, turn, bank, 0, FRAME_TICKS, 0, b)

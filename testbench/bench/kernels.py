@@ -187,7 +187,7 @@ class Served:
     """A gyroscope in a process of its own."""
 
     def __init__(self, locked=True, **environment):
-        self.process = _start_python(f"from testbench.bench import kernels; kernels.serve({locked})", **environment)
+        self.process = _spawn_python(f"from testbench.bench import kernels; kernels.serve({locked})", **environment)
 
     def cpu_s(self, engine_name, ticks):
         """CPU time (s) of `ticks` more on an engine."""
@@ -215,11 +215,11 @@ class Served:
 
 def output(code):
     """Last line of what a process of its own prints."""
-    process = _start_python(code)
-    text, _ = process.communicate()
+    process = _spawn_python(code)
+    printed_text, _ = process.communicate()
     if process.returncode:
         raise RuntimeError(f"a process of the bench failed: {code}")
-    return text.splitlines()[-1]
+    return printed_text.splitlines()[-1]
 
 
 def first_call():
@@ -233,14 +233,14 @@ def first_call():
 def first_call_s(cache):
     """Wall time (s) of a process that does a `first_call` with this cache folder; the frame engine is in it then."""
     began = time.perf_counter()
-    process = _start_python("from testbench.bench import kernels; kernels.first_call()", GYRO_CACHE=str(cache))
+    process = _spawn_python("from testbench.bench import kernels; kernels.first_call()", GYRO_CACHE=str(cache))
     process.communicate()
     if process.returncode:
         raise RuntimeError("the process of the first call failed")
     return time.perf_counter() - began
 
 
-def _start_python(code, **environment):
+def _spawn_python(code, **environment):
     return subprocess.Popen(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},

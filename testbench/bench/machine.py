@@ -20,5 +20,5 @@ def cpu():
 
 def versions():
     """What the codes must not depend on, and speeds may."""
-    packages = (("numba", numba), ("llvmlite", llvmlite), ("numpy", np), ("scipy", scipy))
-    return {"python": platform.python_version()} | {name: module.__version__ for name, module in packages}
+    package_modules = (("numba", numba), ("llvmlite", llvmlite), ("numpy", np), ("scipy", scipy))
+    return {"python": platform.python_version()} | {name: module.__version__ for name, module in package_modules}

@@ -27,7 +27,7 @@ REPEATS = 5
 TICKS = 400_000
 MEMORY_TICKS = 1_000_000
 MEMORY_GROUPS = 2, 10
-GROWN = "import json; from testbench.bench import many; print(json.dumps(many.measure_memory({}, {})))"
+GROWN = "import json; from testbench.bench import many; print(json.dumps(many.measure_lane_memory({}, {})))"
 KEEP = Keep({"rate_word": 8}, {})
 THREADS, PROCESSES = "lanes engine, threads", "frame engine, processes"
 
@@ -80,7 +80,7 @@ def run(repeats=REPEATS, seconds=0.5):
 # ---- memory, in processes of their own -------------------------------------------------------------------------------
 
 
-def measure_memory(groups, ticks=MEMORY_TICKS):
+def measure_lane_memory(groups, ticks=MEMORY_TICKS):
     """Bytes of a gyroscope's arrays in its group, and of this process in memory, with so many groups of eight."""
     side = kernels.SideBySide(LANES * groups)
     side.advance(ticks)

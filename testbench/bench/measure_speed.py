@@ -19,7 +19,7 @@ from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench import engine_stages, kernels, machine, many, peers
 from testbench.console.markdown import ROOT, markdown, need_repository, replace_part
-from testbench.console.text_table import Table, fixed_digits
+from testbench.console.text_table import Table, to_decimals
 from testbench.storage.files import write_text
 
 COMMAND = "python -m testbench.bench"
@@ -159,7 +159,7 @@ def _peer_cpu_s(*arguments):
 def speeds(folder, repeats=REPEATS, processes=PROCESSES):
     """Real-time factors of everything that simulates, their spread, the peak of the CPU, and what is missing."""
     bench, side, hashed = kernels.Bench(), kernels.SideBySide(LANES, codes=False), kernels.SideBySide(LANES)
-    averaged, averaged_codes = kernels.gyroscope("baseband", codes=False), kernels.gyroscope("baseband")
+    averaged, averaged_hashed = kernels.gyroscope("baseband", codes=False), kernels.gyroscope("baseband")
     works, missing = comparators(kernels.gyroscope("clocked"), folder)
     ticks = {key: PEER_TICKS[name] for name, key in PEER_KEYS.items()}
     ticks |= dict.fromkeys(("clocked_rt", *PARTS), bench.ticks)
@@ -175,16 +175,16 @@ def speeds(folder, repeats=REPEATS, processes=PROCESSES):
         missing |= dict.fromkeys(ROOFS, str(reason))
     with contextlib.ExitStack() as stack:
 
-        def start_process(**options):
+        def start_engine_process(**options):
             return stack.enter_context(contextlib.closing(kernels.Served(**options)))
 
-        engines = [start_process() for _ in range(processes)]
-        interpreted = start_process(locked=False, NUMBA_DISABLE_JIT="1")
+        engines = [start_engine_process() for _ in range(processes)]
+        interpreted = start_engine_process(locked=False, NUMBA_DISABLE_JIT="1")
         for name in ("frame", "clocked"):
             works[f"{name}_rt"] = partial(_in_turn, itertools.cycle(engines), name, ticks[f"{name}_rt"])
         works |= {
             "baseband_rt": partial(kernels.cpu_s, kernels.advance, averaged, BASEBAND_TICKS_TIMED),
-            "baseband_codes_rt": partial(kernels.cpu_s, kernels.advance, averaged_codes, BASEBAND_TICKS_TIMED),
+            "baseband_codes_rt": partial(kernels.cpu_s, kernels.advance, averaged_hashed, BASEBAND_TICKS_TIMED),
             "lanes_rt_per_core": partial(kernels.cpu_s, side.advance, LANES_TICKS),
             "lanes_codes_rt": partial(kernels.cpu_s, hashed.advance, LANES_TICKS),
             "firmware_rt": partial(kernels.cpu_s, bench.firmware),
@@ -213,12 +213,12 @@ def growth(repeats=GROWTH_REPEATS):
     cases |= {("noise", "all"): ({}, GROWTH_TICKS), ("effects", "none"): ({}, GROWTH_TICKS)}
     cases |= {("effects", name): ({f"effects.{name}": size}, GROWTH_TICKS) for name, size in EFFECTS.items()}
     cases |= {("effects", "all"): ({f"effects.{name}": size for name, size in EFFECTS.items()}, GROWTH_TICKS)}
-    gyroscopes, works = {}, {}
+    sim_by_changes, works = {}, {}
     for case, (changes, ticks) in cases.items():
         key = json.dumps(changes)
-        if key not in gyroscopes:
-            gyroscopes[key] = kernels.gyroscope("frame", changes=changes)
-        works[case] = partial(kernels.cpu_s, kernels.advance, gyroscopes[key], ticks)
+        if key not in sim_by_changes:
+            sim_by_changes[key] = kernels.gyroscope("frame", changes=changes)
+        works[case] = partial(kernels.cpu_s, kernels.advance, sim_by_changes[key], ticks)
     for count in GROWTH_LANES:
         cases["lanes", str(count)] = ({}, count * LANES_TICKS)
         works["lanes", str(count)] = partial(kernels.cpu_s, kernels.SideBySide(count, codes=False).advance, LANES_TICKS)
@@ -256,7 +256,7 @@ def table(result):
         ratios = ["" if key in PARTS else f"{result[name] / rt:.3g}" for name in ("frame_rt", "clocked_rt")]
         spread = " .. ".join(f"{value:.3g}" for value in result["spread"][key])
         rows.append((text, key, f"{rt:.3g}", spread, f"{1 / rt:.3g} s", *ratios))
-    rows += [(text, key, "", "", fixed_digits(result[key], 1) + " s", "", "") for key, text in FIRST_CALLS]
+    rows += [(text, key, "", "", to_decimals(result[key], 1) + " s", "", "") for key, text in FIRST_CALLS]
     heads = (
         "what",
         "key",

@@ -89,23 +89,23 @@ def tool(name):
 
 def versions():
     """{tool: version} of what builds the comparators, None for a tool that is not there."""
-    version_options = {"gcc": ("-dumpfullversion",), "verilator": ("--version",), "iverilog": ("-V",)}
+    version_arguments = {"gcc": ("-dumpfullversion",), "verilator": ("--version",), "iverilog": ("-V",)}
     version_by_tool = {}
-    for name, arguments in version_options.items():
+    for name, arguments in version_arguments.items():
         path = shutil.which(name)
-        output = subprocess.run([path, *arguments], capture_output=True, text=True).stdout if path else ""
-        number = re.search(r"\d+(\.\d+)+", output)
+        version_output = subprocess.run([path, *arguments], capture_output=True, text=True).stdout if path else ""
+        number = re.search(r"\d+(\.\d+)+", version_output)
         version_by_tool[name] = number[0] if number else None
     return version_by_tool
 
 
 def _run_command(command, folder):
-    completed = subprocess.run([str(part) for part in command], cwd=folder, capture_output=True, text=True)
-    if completed.returncode:
-        lines = (completed.stderr.strip() or completed.stdout.strip() or "no message").splitlines()
-        error_line = next((line for line in lines if "error" in line.lower()), lines[-1])
+    completed_process = subprocess.run([str(part) for part in command], cwd=folder, capture_output=True, text=True)
+    if completed_process.returncode:
+        messages = (completed_process.stderr.strip() or completed_process.stdout.strip() or "no message").splitlines()
+        error_line = next((line for line in messages if "error" in line.lower()), messages[-1])
         raise Missing(f"{Path(command[0]).name} failed: {error_line.strip()}")
-    return completed.stdout
+    return completed_process.stdout
 
 
 def _compiler():
@@ -183,8 +183,8 @@ def run(name, command, folder, ticks):
     """Run a built comparator for `ticks` from the exported state; returns `Codes`."""
     files = {"state": folder / "state.bin", "ticks": ticks, "codes": folder / f"{name}.codes"}
     arguments = [f"+{key}={value}" for key, value in files.items()] if name == "icarus" else list(files.values())
-    output = _run_command([*command, *arguments], folder)
-    values = [line.split()[1:] for line in output.splitlines() if line.startswith("register ")]
+    program_output = _run_command([*command, *arguments], folder)
+    values = [line.split()[1:] for line in program_output.splitlines() if line.startswith("register ")]
     raw = files["codes"].read_bytes()
     ticks, frames = (int(n) for n in np.frombuffer(raw, "<i8", 2))
     cpu_s, *plant = np.frombuffer(raw, "<f8", 1 + PLANT_STATES, 16)
@@ -217,21 +217,21 @@ def differences(engine, peer):
 
     A shorter run of the comparator is compared as far as it goes, then without its registers and plant.
     """
-    lines = []
+    messages = []
     ticks = len(peer.drive)
     for name, have, want in (("drive", peer.drive, engine.drive), ("sense", peer.sense, engine.sense)):
         for k in np.flatnonzero(have != want[:ticks])[:1]:
-            lines.append(f"{name} DAC, tick {k}: code {have[k]} instead of {want[k]}")
+            messages.append(f"{name} DAC, tick {k}: code {have[k]} instead of {want[k]}")
     # a conversion that is there when a frame begins is read in that frame, and the engine's next row shows it
     have, want = peer.adc[: len(engine.adc) - 1], engine.adc[1 : 1 + len(peer.adc)]
     for k, c in np.argwhere(have != want)[:1]:
-        lines.append(f"ADC channel {c}, frame {k}: code {have[k, c]} instead of {want[k, c]}")
+        messages.append(f"ADC channel {c}, frame {k}: code {have[k, c]} instead of {want[k, c]}")
     if ticks == len(engine.drive):
         for name in [name for name, value in peer.registers.items() if value != engine.registers[name]][:1]:
-            lines.append(f"register {name}: {peer.registers[name]} instead of {engine.registers[name]}")
+            messages.append(f"register {name}: {peer.registers[name]} instead of {engine.registers[name]}")
         for k in np.flatnonzero(peer.plant != engine.plant)[:1]:
-            lines.append(f"plant state {k}: {float(peer.plant[k]).hex()} instead of {float(engine.plant[k]).hex()}")
-    return lines
+            messages.append(f"plant state {k}: {float(peer.plant[k]).hex()} instead of {float(engine.plant[k]).hex()}")
+    return messages
 
 
 def peak_pairs_per_s(command, rounds=20_000_000):

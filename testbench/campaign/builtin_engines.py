@@ -7,14 +7,14 @@ Source  docs/campaigns.md, docs/decisions/0013-runs-side-by-side.md
 from testbench.campaign.plan.engines import Engine
 
 # of the clock on the wall, or of the configuration alone
-EXCLUDED = ("real_time_factor", "wall_s", "paper_deg", "paper_verdict", "amplifier_use", "window_missing", "seed")
+EXCLUDED_KEYS = ("real_time_factor", "wall_s", "paper_deg", "paper_verdict", "amplifier_use", "window_missing", "seed")
 
 
 def flatten_summary(summary):
     """{name: number, text or None} of the summary of a run; nested names are joined by a dot."""
     out = {}
     for name, value in summary.items():
-        if name in EXCLUDED:
+        if name in EXCLUDED_KEYS:
             continue
         if isinstance(value, dict):
             out |= {f"{name}.{key}": item for key, item in value.items()}
@@ -25,7 +25,7 @@ def flatten_summary(summary):
     return out
 
 
-def _run_configs(name, configs, sinks):
+def _run_on_engine(name, configs, sinks):
     from testbench import config
     from testbench.run import simulate
 
@@ -35,17 +35,17 @@ def _run_configs(name, configs, sinks):
 
 def run_frame_points(configs, sinks):
     """As `engines` says, by the frame engine."""
-    return _run_configs("frame", configs, sinks)
+    return _run_on_engine("frame", configs, sinks)
 
 
 def run_clocked_points(configs, sinks):
     """As `engines` says, by the clocked engine."""
-    return _run_configs("clocked", configs, sinks)
+    return _run_on_engine("clocked", configs, sinks)
 
 
 def run_baseband_points(configs, sinks):
     """As `engines` says, by the baseband engine; a point outside its validity fails with its ConfigError."""
-    return _run_configs("baseband", configs, sinks)
+    return _run_on_engine("baseband", configs, sinks)
 
 
 def _compile():

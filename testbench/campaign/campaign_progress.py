@@ -12,8 +12,8 @@ import time
 from testbench.campaign import work
 
 LINE_EVERY_S = 10.0
-MOST_NUMBERS = 5
-PREFERRED_NUMBERS = ("drive_frequency_hz", "lock_time_s", "rate_lsb_per_dps", "quadrature_v", "rate_word_mean_lsb")
+MOST_HEADLINE_NUMBERS = 5
+HEADLINE_NUMBER_NAMES = ("drive_frequency_hz", "lock_time_s", "rate_lsb_per_dps", "quadrature_v", "rate_word_mean_lsb")
 
 
 class Running:
@@ -37,8 +37,8 @@ def clock(seconds):
     """h:mm:ss, or -:--:-- where nothing is known."""
     if not math.isfinite(seconds):
         return "-:--:--"
-    total_s = round(seconds)
-    return f"{total_s // 3600}:{total_s // 60 % 60:02}:{total_s % 60:02}"
+    rounded_s = round(seconds)
+    return f"{rounded_s // 3600}:{rounded_s // 60 % 60:02}:{rounded_s % 60:02}"
 
 
 class Progress:
@@ -122,9 +122,9 @@ class Progress:
 
     def headline_numbers(self):
         """[(name, mean, std)] of the numbers that are shown: the usual ones first."""
-        names = [name for name in PREFERRED_NUMBERS if name in self.numbers]
+        names = [name for name in HEADLINE_NUMBER_NAMES if name in self.numbers]
         names += [name for name in self.numbers if name not in names and self.numbers[name].std > 0]
-        return [(name, self.numbers[name].mean, self.numbers[name].std) for name in names[:MOST_NUMBERS]]
+        return [(name, self.numbers[name].mean, self.numbers[name].std) for name in names[:MOST_HEADLINE_NUMBERS]]
 
     def _picture(self):
         from rich.console import Group

@@ -34,7 +34,7 @@ Engines = Annotated[
     typer.Option("--engine", metavar="NAME=PLACE", help="Engine of one's own, at package.module:OBJECT; repeatable."),
 ]
 EXIT_FAILED = 2
-PRINTED_FAILURES = 5
+MOST_PRINTED_FAILURES = 5
 
 
 class RunOptions(NamedTuple):
@@ -43,7 +43,7 @@ class RunOptions(NamedTuple):
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")]
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")]
     sets: Sets = None
-    engine_texts: Engines = None
+    engine_options: Engines = None
     workers: Annotated[int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")] = (
         None
     )
@@ -72,7 +72,7 @@ def run(o):
     from testbench.campaign.campaign_progress import Progress
     from testbench.campaign.plan.plan import read
 
-    campaign_plan = read(o.plan, o.sets or (), o.engine_texts or ())
+    campaign_plan = read(o.plan, o.sets or (), o.engine_options or ())
     try:
         report = execute.run(campaign_plan, o.out, _executor(o), Progress(quiet=o.as_json))
     except KeyboardInterrupt:
@@ -94,18 +94,18 @@ def _executor(o):
 
 def local(workers):
     """Executor of so many processes on this machine; 0: this one, None: one to a core."""
-    from testbench.campaign.pool import InProcess, Pool
+    from testbench.campaign.pool import InProcessExecutor, Pool
 
     if workers == 0:
-        return InProcess()
+        return InProcessExecutor()
     return Pool(workers or os.cpu_count() or 1)
 
 
 def _print_report(report, as_json):
     if as_json:
         rejected, failures = (
-            [{"point": address, "error": text} for address, text in pairs]
-            for pairs in (report.rejected, report.failures)
+            [{"point": address, "error": text} for address, text in point_errors]
+            for point_errors in (report.rejected, report.failures)
         )
         files = [str(path) for path in report.files]
         print_json({**report._asdict(), "rejected": rejected, "failures": failures, "files": files})
@@ -113,10 +113,10 @@ def _print_report(report, as_json):
     typer.echo(f"{report.name}: {report.points} points, {report.reused} finished before, {report.done} now")
     if report.failures:
         typer.echo(f"{len(report.failures)} failed; the same command tries them again:")
-    for address, text in report.failures[:PRINTED_FAILURES]:
+    for address, text in report.failures[:MOST_PRINTED_FAILURES]:
         typer.echo(f"  {address[:12]}  {text}")
-    if len(report.failures) > PRINTED_FAILURES:
-        typer.echo(f"  and {len(report.failures) - PRINTED_FAILURES} more")
+    if len(report.failures) > MOST_PRINTED_FAILURES:
+        typer.echo(f"  and {len(report.failures) - MOST_PRINTED_FAILURES} more")
     for path in report.files:
         typer.echo(f"  {path}")
 
@@ -125,13 +125,13 @@ def _print_report(report, as_json):
 def check(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")],
     sets: Sets = None,
-    engine_texts: Engines = None,
+    engine_options: Engines = None,
     as_json: Json = False,
 ):
     """Check every point of a plan, and say what it would run."""
     from testbench.campaign.plan import plan as plans
 
-    campaign_plan = plans.read(plan, sets or (), engine_texts or ())
+    campaign_plan = plans.read(plan, sets or (), engine_options or ())
     points, _ = plans.points(campaign_plan)
     unique = len({point.address for point in points})
     axes = [{"name": a.name, "length": a.length, "parameters": list(a.values)} for a in campaign_plan.axes]
@@ -166,7 +166,7 @@ def _print_status(plans, damaged, lines):
     for item in plans:
         failed = f", {len(item['failed'])} failed" if item["failed"] else ""
         typer.echo(f"{item['name']:<20} {item['finished']}/{item['points']} points finished{failed}")
-        for address, text in item["failed"][:PRINTED_FAILURES]:
+        for address, text in item["failed"][:MOST_PRINTED_FAILURES]:
             typer.echo(f"  {address[:12]}  {text}")
     for text in damaged:
         typer.echo(text)
@@ -194,8 +194,8 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
     results_store = Store.open_folder(store)
     name = _only(results_store, name)
     stored_plan = collect.read_stored_plan(results_store, name)
-    points, faults = collect.load(results_store, stored_plan.addresses)
-    heads, table = collect.rows(stored_plan, points)
+    point_data, faults = collect.load(results_store, stored_plan.addresses)
+    heads, table = collect.rows(stored_plan, point_data)
     first = 3 + sum(len(a.values) + bool(a.cases) for a in stored_plan.plan.axes)
     numbers = {}
     for k, head in enumerate(heads[first:], first):
@@ -274,13 +274,13 @@ def rerun(
     store: StorePath,
     point: Annotated[str, typer.Argument(metavar="POINT", help="Address, or its first digits.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where the new file goes.")] = None,
-    engine_texts: Engines = None,
+    engine_options: Engines = None,
     as_json: Json = False,
 ):
     """Run one finished point alone, here, and compare it with its file byte for byte."""
     from testbench.campaign.rerun import rerun as rerun_point
 
-    report = rerun_point(store, point, out, engine_texts or ())
+    report = rerun_point(store, point, out, engine_options or ())
     if as_json:
         print_json(report._asdict())
     else:

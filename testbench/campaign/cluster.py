@@ -65,9 +65,9 @@ class Cluster:
                 logging.getLogger(name).setLevel(SILENT)
         try:
             if self.address is None:
-                security = self._start_cluster(distributed)
+                security = self._start_local_cluster(distributed)
             else:
-                security = self._build_security(distributed)
+                security = self._load_certificates(distributed)
             self._client = self._stack.enter_context(
                 distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False, security=security)
             )
@@ -83,7 +83,7 @@ class Cluster:
             raise
         return self
 
-    def _start_cluster(self, distributed):
+    def _start_local_cluster(self, distributed):
         """Certificates of a cluster of our own, which stands then."""
         import dask
 
@@ -101,7 +101,7 @@ class Cluster:
             self.address = self._stack.enter_context(cluster).scheduler_address
         return security
 
-    def _build_security(self, distributed):
+    def _load_certificates(self, distributed):
         """Certificates of Dask's configuration, which an encrypted address needs."""
         security = distributed.Security()
         lacking = [key for key in CERTIFICATES if not getattr(security, key)]
@@ -128,7 +128,7 @@ class Cluster:
 
     def run(self, store, batches):
         """Yield lists of `work.Outcome` as batches end; ClusterError when the scheduler is lost."""
-        finished_keys = queue.SimpleQueue()
+        finished_future_keys = queue.SimpleQueue()
         futures = {}
 
         def submit(batch, tries):
@@ -141,14 +141,14 @@ class Cluster:
                 pure=False,
             )
             futures[future.key] = future, batch, tries
-            future.add_done_callback(lambda f: finished_keys.put(f.key))
+            future.add_done_callback(lambda f: finished_future_keys.put(f.key))
 
         for batch in batches:
             submit(batch, 1)
         silent_since = None
         while futures:
             try:
-                key = finished_keys.get(timeout=POLL_S)
+                key = finished_future_keys.get(timeout=POLL_S)
             except queue.Empty:
                 silent_since = self._check(silent_since)
                 continue

@@ -52,8 +52,8 @@ def plan_names(store):
 def read_stored_plan(store, name):
     """`StoredPlan` of a name."""
     if name not in plan_names(store):
-        names = ", ".join(plan_names(store)) or "none"
-        raise FileError(f"{store.path}: has no plan {name!r}; known: {names}")
+        plan_listing = ", ".join(plan_names(store)) or "none"
+        raise FileError(f"{store.path}: has no plan {name!r}; known: {plan_listing}")
     return StoredPlan(*stored.read(plan_path(store, name)))
 
 
@@ -76,8 +76,8 @@ def _parameter_unit(dotted):
 def _coordinate_array(items):
     """Values of a parameter as an array: numbers, or texts (JSON where they are lists)."""
     if all(isinstance(item, (int, float)) and not isinstance(item, bool) for item in items):
-        array = np.array(items)
-        return array if array.dtype.kind in "if" else array.astype(float)
+        numeric_array = np.array(items)
+        return numeric_array if numeric_array.dtype.kind in "if" else numeric_array.astype(float)
     return np.array([item if isinstance(item, str) else json.dumps(item) for item in items], object)
 
 
@@ -96,8 +96,8 @@ def coordinates(plan):
         if distinct:
             scales[axis.name] = lone
             continue
-        positions = np.array(axis.cases, object) if axis.cases else np.arange(axis.length)
-        scales[axis.name] = Variable((axis.name,), positions, {})
+        axis_labels = np.array(axis.cases, object) if axis.cases else np.arange(axis.length)
+        scales[axis.name] = Variable((axis.name,), axis_labels, {})
         other |= columns
     return scales, other
 
@@ -115,13 +115,13 @@ class Stub(NamedTuple):
 class Loaded(NamedTuple):
     """{address: {name: Variable}} of finished points, and {address: what is wrong} of those that cannot count."""
 
-    points: dict
+    point_data: dict
     faults: dict
 
 
 def load(store, addresses):
     """`Loaded` finished points; streams are `Stub`s, so that an hour of each fits."""
-    out, written = Loaded({}, {}), store.written_hashes()
+    out, written = Loaded({}, {}), store.journal_hashes()
     for address in dict.fromkeys(addresses):
         if store.has(address):
             try:
@@ -129,7 +129,7 @@ def load(store, addresses):
             except FileError as problem:
                 out.faults[address] = str(problem)
                 continue
-            out.points[address] = {name: _light(variable) for name, variable in variables.items()}
+            out.point_data[address] = {name: _light(variable) for name, variable in variables.items()}
     return out
 
 
@@ -151,19 +151,19 @@ class _Layout(NamedTuple):
     attrs: dict
 
 
-def _layouts(plan, points):
+def _layouts(plan, point_data):
     """{name: _Layout} over all finished points."""
-    out, reserved = {}, {"finished", "point"} | {name for axis in plan.axes for name in (axis.name, *axis.values)}
-    for address, variables in points.items():
-        reserved |= {dim for variable in variables.values() for dim in variable.dims}
+    out, reserved_names = {}, {"finished", "point"} | {name for axis in plan.axes for name in (axis.name, *axis.values)}
+    for address, variables in point_data.items():
+        reserved_names |= {dim for variable in variables.values() for dim in variable.dims}
         for name, (dims, data, attrs) in variables.items():
-            if name in reserved:
+            if name in reserved_names:
                 raise FileError(f"{store_name(address)}: {name} is a dimension or a parameter, and no name of a result")
             if dims == ("tau_s",) and np.shape(data) != (len(plan.keep.tau_s),):
                 raise FileError(f"{store_name(address)}: {name} is of other tau_s than the plan's")
             text = isinstance(data, str)
-            array = data if isinstance(data, Stub) else np.asarray(data)
-            shape, dtype = array.shape, np.dtype(object) if text else array.dtype
+            value_array = data if isinstance(data, Stub) else np.asarray(data)
+            shape, dtype = value_array.shape, np.dtype(object) if text else value_array.dtype
             was = out.setdefault(name, _Layout(dims, shape, dtype, attrs))
             if was.dims != dims or (was.dtype == object) != text:
                 raise FileError(f"{store_name(address)}: {name} is of another kind than in other points")
@@ -180,22 +180,22 @@ def store_name(address):
 
 
 @defer_interrupts()  # the HDF5 library calls Python to write, and knows no exceptions
-def _write_netcdf(store, stored_plan, points, path):
+def _write_netcdf(store, stored_plan, point_data, path):
     """Write results/NAME.nc; streams go through the memory one point at a time."""
     plan, addresses = stored_plan
     dims = tuple(axis.name for axis in plan.axes)
-    layouts = _layouts(plan, points)
-    is_complete = all(address in points and layouts.keys() == points[address].keys() for address in addresses)
+    layouts = _layouts(plan, point_data)
+    is_complete = all(address in point_data and layouts.keys() == point_data[address].keys() for address in addresses)
     scales, parameters = coordinates(plan)
     empty = {name: Variable(v.dims, np.broadcast_to(0, v.shape), v.attrs) for name, v in layouts.items()}
     scales |= shard.dimension_scales(empty, plan.keep.tau_s)
     # a convention by which xarray knows parameters from results
     coords = {"coordinates": " ".join(parameters)} if parameters else {}
-    finished = np.array([address in points for address in addresses], np.int8).reshape(plan.shape)
-    names = np.array(addresses, object).reshape(plan.shape)
+    finished_flags = np.array([address in point_data for address in addresses], np.int8).reshape(plan.shape)
+    address_array = np.array(addresses, object).reshape(plan.shape)
     results = {
-        "finished": Variable(dims, finished, {"long_name": "1: the point is finished, 0: it is not", **coords}),
-        "point": Variable(dims, names, {"long_name": "address", **coords}),
+        "finished": Variable(dims, finished_flags, {"long_name": "1: the point is finished, 0: it is not", **coords}),
+        "point": Variable(dims, address_array, {"long_name": "address", **coords}),
     }
     streams = {}
     for name, layout in layouts.items():
@@ -203,27 +203,27 @@ def _write_netcdf(store, stored_plan, points, path):
         if any(dim.startswith("time_") for dim in layout.dims):
             streams[name] = layout, attrs
         else:
-            data = _collect_variable(name, layout, plan, [points.get(address, {}) for address in addresses])
+            data = _stack_variable(name, layout, plan, [point_data.get(address, {}) for address in addresses])
             results[name] = Variable(dims + layout.dims, data, attrs)
     with _hdf5(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["plan"] = plan.name
         shard.write_variables(file, parameters | results, scales)
         if streams:
-            _write_streams(file, store, stored_plan, points, streams, is_complete)
+            _write_streams(file, store, stored_plan, point_data, streams, is_complete)
 
 
-def _collect_variable(name, layout, plan, points):
+def _stack_variable(name, layout, plan, variables_by_point):
     """A variable of all points in memory."""
     text = layout.dtype == object
-    data = np.full((len(points), *layout.shape), "" if text else math.nan, object if text else float)
-    for k, variables in enumerate(points):
+    data = np.full((len(variables_by_point), *layout.shape), "" if text else math.nan, object if text else float)
+    for k, variables in enumerate(variables_by_point):
         if name in variables:
             data[k] = variables[name].data
     return data.reshape(plan.shape + layout.shape)
 
 
-def _write_streams(file, store, stored_plan, points, streams, is_complete):
+def _write_streams(file, store, stored_plan, point_data, streams, is_complete):
     plan, addresses = stored_plan
     dims = tuple(axis.name for axis in plan.axes)
     datasets = {}
@@ -235,12 +235,12 @@ def _write_streams(file, store, stored_plan, points, streams, is_complete):
         datasets[name].attrs.update(attrs)
         for k, dim in enumerate(dims + layout.dims):
             datasets[name].dims[k].attach_scale(file[dim])
-    for index, address in zip(np.ndindex(*plan.shape), addresses):
-        if address in points:
+    for plan_index, address in zip(np.ndindex(*plan.shape), addresses):
+        if address in point_data:
             variables = read_point(store, address)[1]
             for name in streams.keys() & variables.keys():
                 data = variables[name].data
-                datasets[name][index + tuple(slice(n) for n in data.shape)] = data
+                datasets[name][plan_index + tuple(slice(n) for n in data.shape)] = data
 
 
 @contextlib.contextmanager
@@ -269,12 +269,12 @@ def _cell(value):
     return str(value)
 
 
-def rows(stored_plan, points):
+def rows(stored_plan, point_data):
     """(heads, rows) of the table: one row per point, scalars only, an adev per tau_s; None where there is nothing."""
     plan, addresses = stored_plan
     parameters = [(axis, dotted) for axis in plan.axes for dotted in axis.values]
     numbers, cells_of = {}, {}
-    for address, variables in points.items():
+    for address, variables in point_data.items():
         one = cells_of[address] = {}
         for name, (dims, data, _) in variables.items():
             if not dims:
@@ -282,13 +282,13 @@ def rows(stored_plan, points):
             elif dims == ("tau_s",):
                 one |= {f"{name}[{tau:g} s]": float(v) for tau, v in zip(plan.keep.tau_s, data)}
         numbers |= dict.fromkeys(one)
-    names = [axis.name for axis in plan.axes if axis.cases]
-    heads = ["number", "point", "finished", *names, *(dotted for _, dotted in parameters), *numbers]
+    case_axis_names = [axis.name for axis in plan.axes if axis.cases]
+    heads = ["number", "point", "finished", *case_axis_names, *(dotted for _, dotted in parameters), *numbers]
     table = []
-    for k, (index, address) in enumerate(zip(np.ndindex(*plan.shape), addresses)):
+    for k, (plan_index, address) in enumerate(zip(np.ndindex(*plan.shape), addresses)):
         one = cells_of.get(address, {})
-        at = {axis.name: n for axis, n in zip(plan.axes, index)}
-        cells = [k, address, int(address in points)]
+        at = {axis.name: n for axis, n in zip(plan.axes, plan_index)}
+        cells = [k, address, int(address in point_data)]
         cells += [axis.cases[at[axis.name]] for axis in plan.axes if axis.cases]
         cells += [_scalar(plans.value_at(plan, axis, dotted, at[axis.name])) for axis, dotted in parameters]
         table.append(cells + [one.get(name) for name in numbers])
@@ -299,10 +299,10 @@ def _scalar(value):
     return value if isinstance(value, (int, float, str)) else json.dumps(value)
 
 
-def _write_table(stored_plan, points, path):
+def _write_table(stored_plan, point_data, path):
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    heads, table = rows(stored_plan, points)
+    heads, table = rows(stored_plan, point_data)
     writer.writerow(heads)
     writer.writerows([["" if cell is None else _cell(cell) for cell in row] for row in table])
     write_text(path, text.getvalue())
@@ -312,10 +312,10 @@ def write(store, name):
     """Make the results of a plan anew; returns ([path, ...], {address: what is wrong} of points that do not count)."""
     stored_plan = read_stored_plan(store, name)
     netcdf, table = result_paths(store, name)
-    points, faults = load(store, stored_plan.addresses)
+    point_data, faults = load(store, stored_plan.addresses)
     with atomic_outputs():
-        _write_netcdf(store, stored_plan, points, netcdf)
-        _write_table(stored_plan, points, table)
+        _write_netcdf(store, stored_plan, point_data, netcdf)
+        _write_table(stored_plan, point_data, table)
     return [netcdf, table], faults
 
 
@@ -327,8 +327,8 @@ def write_parquet(store, name, path):
     except ImportError:
         raise FileError(f"{path}: pyarrow is not installed; pip install 'ftr-gyro[campaign]'") from None
     stored_plan = read_stored_plan(store, name)
-    points, faults = load(store, stored_plan.addresses)
-    heads, table = rows(stored_plan, points)
+    point_data, faults = load(store, stored_plan.addresses)
+    heads, table = rows(stored_plan, point_data)
     columns = {head: [row[k] for row in table] for k, head in enumerate(heads)}
     sink = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), sink)

@@ -62,7 +62,7 @@ def run(campaign_plan, path, executor, progress, write_more=None):
             _keep_state(store, digest, state)
         addresses = [point.address for point in points]
         write_text(collect.plan_path(store, campaign_plan.name), stored.plan_json(campaign_plan, addresses))
-        rejected = verify.reject(store, addresses, store.written_hashes())
+        rejected = verify.reject(store, addresses, store.journal_hashes())
         for text in rejected.values():
             progress.note(f"{text}; this point is run again")
         missing = {p.address: p for p in points if not store.has(p.address)}

@@ -24,28 +24,28 @@ TRIES = 3
 MOST_LOST_WORKERS = 8  # workers lost in a row, nothing finished between: something is wrong with all of them
 
 
-def follow_main():
+def exit_with_main():
     """End this worker when main does, however that ends."""
     main = multiprocessing.parent_process().sentinel
 
-    def exit_worker():
+    def wait_and_exit():
         wait([main])
         os._exit(1)
 
-    threading.Thread(target=exit_worker, daemon=True).start()
+    threading.Thread(target=wait_and_exit, daemon=True).start()
 
 
 def serve(connection):
     """The life of a worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is main's to act on
     os.dup2(sys.stderr.fileno(), 1)  # standard output holds results
-    follow_main()
+    exit_with_main()
     with contextlib.suppress(EOFError, OSError):
         while True:
             connection.send(work.run_batch(*connection.recv()))
 
 
-class InProcess:
+class InProcessExecutor:
     """No worker: batches run in this process, one after the other, where a debugger sees them."""
 
     workers = 1

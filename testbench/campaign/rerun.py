@@ -26,25 +26,25 @@ class Rerun(NamedTuple):
 
 def find(store, prefix):
     """The one finished point whose address begins so."""
-    matches = [address for address in store.addresses() if address.startswith(prefix.lower())]
-    if len(matches) != 1:
-        what = f"{len(matches)} points begin" if matches else "no finished point begins"
+    matching_addresses = [address for address in store.addresses() if address.startswith(prefix.lower())]
+    if len(matching_addresses) != 1:
+        what = f"{len(matching_addresses)} points begin" if matching_addresses else "no finished point begins"
         raise ConfigError(f"{store.path}: {what} with {prefix!r}; addresses stand in results/*.csv")
-    return matches[0]
+    return matching_addresses[0]
 
 
-def rerun(path, prefix, out=None, engine_texts=()):
+def rerun(path, prefix, out=None, engine_options=()):
     """`Rerun` of a point; FileError if the sources are others than those it was made by.
 
-    out           takes the new file
-    engine_texts  texts as of `--engine`
+    out             takes the new file
+    engine_options  texts as of `--engine`
     """
-    extra_engines = engines.parse_options(engine_texts)
+    extra_locations = engines.parse_options(engine_options)
     store = Store.open_folder(path)
     address = find(store, prefix)
     identity, before = collect.read_point(store, address)
     data = parse_identity(identity)
-    engines.permit(data.engine, extra_engines, store.point_path(address))
+    engines.permit(data.engine, extra_locations, store.point_path(address))
     engine = engines.load(data.engine)
     code = engines.source_hash(engine)
     if code != data.code:
@@ -55,17 +55,17 @@ def rerun(path, prefix, out=None, engine_texts=()):
     state = state_path(data, store.path / "states")
     if state is not None and hashlib.sha256(inputs.read_bytes(state)).hexdigest() != state.stem:
         raise FileError(f"{state}: is damaged: its SHA-256 is not its name; run the campaign again")
-    new_bytes, _ = work.compute(identity, store.path / "states", engine)
+    rerun_bytes, _ = work.compute(identity, store.path / "states", engine)
     if out is not None:
-        write_bytes(out, new_bytes)
+        write_bytes(out, rerun_bytes)
     stored_bytes = store.point_path(address).read_bytes()
-    _, after = shard.decode(new_bytes, "rerun")
+    _, after = shard.decode(rerun_bytes, "rerun")
     names = dict.fromkeys([*before, *after])
-    differ = [name for name in names if not _equal_variables(before.get(name), after.get(name))]
-    return Rerun(address, new_bytes == stored_bytes, len(new_bytes), differ)
+    differ = [name for name in names if not _is_identical_variable(before.get(name), after.get(name))]
+    return Rerun(address, rerun_bytes == stored_bytes, len(rerun_bytes), differ)
 
 
-def _equal_variables(a, b):
+def _is_identical_variable(a, b):
     if a is None or b is None or a.dims != b.dims or a.attrs.keys() != b.attrs.keys():
         return False
     if isinstance(a.data, str) or isinstance(b.data, str):

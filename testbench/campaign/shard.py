@@ -36,17 +36,17 @@ UNITS = (
 )
 
 
-def number_unit(name):
+def unit_from_name(name):
     """Unit of a number by the ending of its name, such as phase_deg.xe1."""
     stem = name.split(".")[0]
     return next((unit for ending, unit in UNITS if stem.endswith(ending)), "")
 
 
-def number_variables(numbers):
+def variables_from_numbers(numbers):
     """{name: Variable} of the numbers that an engine gives."""
     out = {}
     for name, value in numbers.items():
-        attrs = {"units": number_unit(name)} if number_unit(name) else {}
+        attrs = {"units": unit_from_name(name)} if unit_from_name(name) else {}
         if not isinstance(value, str):
             value = float("nan") if value is None else float(value)
         out[name] = Variable((), value, attrs)
@@ -128,14 +128,14 @@ def _datasets(file, path, size):
     return out
 
 
-def _variable(dataset, where):
+def _variable(dataset, error_prefix):
     value = dataset[()]
     value = value.decode() if isinstance(value, bytes) else value
-    attributes = dataset.attrs
-    names = [name for name in attributes if name != "DIMENSION_LIST"]
-    if any(attributes.get_id(name).shape for name in names):
-        raise FileError(f"{where}: an attribute is no number or text")
+    dataset_attrs = dataset.attrs
+    names = [name for name in dataset_attrs if name != "DIMENSION_LIST"]
+    if any(dataset_attrs.get_id(name).shape for name in names):
+        raise FileError(f"{error_prefix}: an attribute is no number or text")
     dims = tuple(dim[0].name.removeprefix("/") for dim in dataset.dims) if dataset.ndim else ()
     if not all(DIMENSION.fullmatch(dim) for dim in dims):
-        raise FileError(f"{where}: {dims} are not the dimensions of a point")
-    return Variable(dims, value, {name: attributes[name] for name in names})
+        raise FileError(f"{error_prefix}: {dims} are not the dimensions of a point")
+    return Variable(dims, value, {name: dataset_attrs[name] for name in names})

@@ -4,7 +4,7 @@ Source  docs/campaigns.md
 """
 
 from testbench.campaign import collect, verify
-from testbench.campaign.store import declared_hashes
+from testbench.campaign.store import hashes_by_address
 from testbench.errors import FileError
 
 
@@ -12,7 +12,7 @@ def store_status(store):
     """(plans, damaged, lines): a dictionary for each plan that can be read, one line of text for each plan or point
     that is damaged, and one for each line of a journal that cannot be read."""
     lines, last = [], {}
-    written = declared_hashes(_track_events(store.lines(lines), last))
+    written = hashes_by_address(_track_last_events(store.lines(lines), last))
     plans, damaged, faults = [], [], {}
     for name in collect.plan_names(store):
         try:
@@ -27,7 +27,7 @@ def store_status(store):
     return plans, damaged + [faults[address] for address in sorted(faults)], lines
 
 
-def _track_events(events, last):
+def _track_last_events(events, last):
     """The same events; `last` gets {address: (time, error or nothing)} of the last one of each point."""
     for event in events:
         if event.point not in last or event.t >= last[event.point][0]:

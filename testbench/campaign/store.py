@@ -79,7 +79,7 @@ class Store:
             refuse_foreign_links(path / folder)
         try:
             if not head.exists():
-                cls._create(path, head, create)
+                cls._create_head_file(path, head, create)
             if create:
                 for folder in FOLDERS:
                     (path / folder).mkdir(exist_ok=True)
@@ -91,7 +91,7 @@ class Store:
         return cls(path, inputs.validate_data(data, Head, head).name)
 
     @staticmethod
-    def _create(path, head, create):
+    def _create_head_file(path, head, create):
         """Make store.json; of two that do so at once the first one counts."""
         strange = path.is_dir() and any(not p.name.startswith(head.name) for p in path.iterdir())
         if head.exists():
@@ -187,9 +187,9 @@ class Store:
         """All whole lines of all journals, by time."""
         return sorted(self.lines([]), key=lambda event: event.t)
 
-    def written_hashes(self):
+    def journal_hashes(self):
         """{address: {SHA-256 of a file that was written as this point}} of all journals."""
-        return declared_hashes(self.lines([]))
+        return hashes_by_address(self.lines([]))
 
     # ---- one campaign at a time --------------------------------------------------------------------------------------
 
@@ -208,7 +208,7 @@ class Store:
         return shared_files.is_locked(self.path / "lock")
 
 
-def declared_hashes(events):
+def hashes_by_address(events):
     """{address: {SHA-256 of a file that was written as this point}} of events."""
     out = {}
     for event in events:
@@ -217,9 +217,9 @@ def declared_hashes(events):
     return out
 
 
-def _event(line, where):
+def _event(line, error_prefix):
     """`Event` of a line of a journal; FileError if its checksum, its form or its end is not as it was written."""
     text, _, crc = line.partition(CRC.encode())
     if not line.endswith(b"\n") or (crc and crc != b'%08x"}\n' % zlib.crc32(text)):
-        raise FileError(f"{where}: is damaged: its checksum does not hold")
-    return inputs.parse_json(line, where, Event)
+        raise FileError(f"{error_prefix}: is damaged: its checksum does not hold")
+    return inputs.parse_json(line, error_prefix, Event)

@@ -22,17 +22,17 @@ MOST_BYTES = 1 << 32  # of a point, which may hold streams of hours
 def read_point(store, address, written=None):
     """(identity, variables) of a finished point; FileError if it is damaged or another one.
 
-    written  `Store.written_hashes`; None: the journal is not asked
+    written  `Store.journal_hashes`; None: the journal is not asked
     """
     path = store.point_path(address)
-    data, _ = _read_file(path, (written or {}).get(address))
+    data, _ = _read_point_file(path, (written or {}).get(address))
     identity, variables = shard.decode(data, path)
     if point_address(identity) != address:
         raise FileError(f"{path}: holds another point: {point_address(identity)[:12]}")
     return identity, variables
 
 
-def _read_file(path, declared):
+def _read_point_file(path, declared):
     """(bytes, True if the journal declares them)."""
     data = inputs.read_bytes(path, MOST_BYTES)
     if declared and hashlib.sha256(data).hexdigest() not in declared:
@@ -47,7 +47,7 @@ def faults(store, addresses, written):
         if not store.has(address):
             continue
         try:
-            _, declared = _read_file(store.point_path(address), written.get(address))
+            _, declared = _read_point_file(store.point_path(address), written.get(address))
             if not declared:
                 read_point(store, address)
         except FileError as problem:

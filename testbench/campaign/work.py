@@ -79,7 +79,7 @@ def compute(identity, states, engine):
 
 
 def _encode_point(identity, task, keeper, numbers):
-    return shard.encode(identity, shard.number_variables(numbers) | keeper.variables(), task.keep.tau_s)
+    return shard.encode(identity, shard.variables_from_numbers(numbers) | keeper.variables(), task.keep.tau_s)
 
 
 def _reason(problem):
@@ -144,7 +144,7 @@ def _run(store, batch):
                 out.append(Outcome(address, FAILED, _reason(problem)))
                 continue
             store.publish(address, data)
-            versions = {"version": VERSION, "python": platform.python_version()}
-            store.journal("finish", point=address, wall_s=round(wall_s, 6), **versions)
+            version_fields = {"version": VERSION, "python": platform.python_version()}
+            store.journal("finish", point=address, wall_s=round(wall_s, 6), **version_fields)
             out.append(Outcome(address, FINISHED, "", numbers, wall_s, task.config.scenario.seconds))
     return out

@@ -55,8 +55,8 @@ app.command()(exports.fmu)
 app.command()(exports.host)
 
 
-def _version(value: bool):
-    if value:
+def _version(is_requested: bool):
+    if is_requested:
         print(f"gyro {VERSION}")
         raise typer.Exit
 
@@ -131,14 +131,14 @@ def run(o):
         ("noise.seed", o.seed, "--seed"),
         ("output.directory", o.out, "--out"),
         *_across(o),
-        *_window_overrides(o.vcd),
+        *_vcd_overrides(o.vcd),
         *(_silence() if o.no_noise else ()),
     )
     checked = load(o.config, option_overrides)
     if o.gyrorec is not None:
         from testbench.measured.record import from_run
 
-        from_run.run_plan(checked)  # refused before anything runs
+        from_run.plan_from_config(checked)  # refused before anything runs
     from testbench.storage.checkpoint import Partial
 
     _run(checked, Partial(checked.output.directory), False, o.as_json, o.discard)
@@ -177,14 +177,14 @@ def _run(config, partial, resume, as_json, discard=False):
                 from testbench.run.budget import budgets
 
                 result = simulate.run(config, progress=progress, directory=partial, resume=resume)
-                result_tables = [run_tables.phases(result.summary), run_tables.number_rows(result.summary)]
+                result_tables = [run_tables.phases(result.summary), run_tables.results_table(result.summary)]
                 report = result_tables + run_tables.budget_tables(*budgets(config))
                 paths = [str(path) for path in outputs.write(result, config, report, progress, directory)]
         except BaseException as problem:
             if not partial.resumable():
                 partial.clear()
             elif isinstance(problem, KeyboardInterrupt):
-                _print_message(f"to continue: gyro run --resume-run {directory}")
+                _print_stderr_line(f"to continue: gyro run --resume-run {directory}")
             elif isinstance(problem, MemoryError):
                 raise FileError(f"{_lack(problem)}; to continue: gyro run --resume-run {directory}") from None
             raise
@@ -224,7 +224,7 @@ def _silence():
     return [(f"noise.{key}", False, "--no-noise") for key in Noise.model_fields if key != "seed"]
 
 
-def _window_overrides(text):
+def _vcd_overrides(text):
     """Overrides of `--vcd START_US:LENGTH_US`."""
     if text is None:
         return []
@@ -235,7 +235,7 @@ def _window_overrides(text):
     return [("output.vcd_start_us", start_us, "--vcd"), ("output.vcd_length_us", length_us, "--vcd")]
 
 
-def _print_message(text):
+def _print_stderr_line(text):
     print(f"gyro: {' '.join(str(text).split())}", file=sys.stderr)
 
 
@@ -244,7 +244,7 @@ def _lack(problem):
     return f"out of memory: {problem}" if str(problem) else "out of memory"
 
 
-def _problem_path(problem):
+def _oserror_path(problem):
     """File that a system's error is about; of a failed write only the frames of pathlib know it."""
     name, trace = problem.filename, problem.__traceback__
     while trace and not problem.filename:
@@ -253,46 +253,46 @@ def _problem_path(problem):
     return name or "gyro"
 
 
-def _check_process(argv):
+def _check_arguments(argv):
     """ConfigError for an argument that is empty or has a NUL, and for a count of threads that Numba refuses."""
     for number, (before, text) in enumerate(itertools.pairwise(["gyro", *argv]), 1):
-        name, equals, value = text.partition("=")
+        name, equals, option_value = text.partition("=")
         if name.startswith("--") and equals:
-            before, text = name, value
-        option = before if before.startswith("-") else f"argument {number}"
+            before, text = name, option_value
+        option_label = before if before.startswith("-") else f"argument {number}"
         if not text:
-            raise ConfigError(f"{option}: is empty")
+            raise ConfigError(f"{option_label}: is empty")
         if "\0" in text:
-            raise ConfigError(f"{option}: {text!r} has a NUL")
+            raise ConfigError(f"{option_label}: {text!r} has a NUL")
     threads = os.environ.get("NUMBA_NUM_THREADS", "").strip()
     if re.fullmatch(r"-\d+|0+", threads):
         raise ConfigError(f"NUMBA_NUM_THREADS = {threads} is below the limit 1 thread")
 
 
-def _exit_code(argv):
+def _run_command_line(argv):
     """Exit code of a command line."""
     try:
         if argv is None:
             standard.settle()
-        _check_process(sys.argv[1:] if argv is None else argv)
+        _check_arguments(sys.argv[1:] if argv is None else argv)
         code = app(args=argv, prog_name="gyro", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except (ConfigError, FileError) as problem:
-        _print_message(problem)
+        _print_stderr_line(problem)
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except OSError as problem:  # a name that is too long, a disk that is full: the system's word on a file
-        _print_message(f"{_problem_path(problem)}: {problem.strerror or problem}")
+        _print_stderr_line(f"{_oserror_path(problem)}: {problem.strerror or problem}")
     except MemoryError as problem:
-        _print_message(f"{_lack(problem)}; end other programs, or raise the limit (ulimit -v)")
+        _print_stderr_line(f"{_lack(problem)}; end other programs, or raise the limit (ulimit -v)")
     except Exception as problem:
         # usage errors of the argument parser, whose class typer keeps private, know their exit code and their line
         if type(problem).__name__ == "Abort":
             return EXIT_INTERRUPTED
         if not hasattr(problem, "format_message"):
             raise
-        _print_message(problem.format_message() or "no command; try gyro --help")
+        _print_stderr_line(problem.format_message() or "no command; try gyro --help")
     return EXIT_MENDABLE
 
 
@@ -301,9 +301,9 @@ def main(argv=None):
 
     argv  arguments; None: those of this process, whose standard streams are settled first
     """
-    code = _exit_code(argv)
+    code = _run_command_line(argv)
     if code == EXIT_INTERRUPTED:
-        _print_message("interrupted")
+        _print_stderr_line("interrupted")
     sys.exit(code)
 
 

@@ -47,7 +47,7 @@ def convert(value, have, want):
     return float(f"{value * SUFFIXES[have][1] / SUFFIXES[want][1]:.12g}")
 
 
-def unit_suffix(info):
+def spaced_unit(info):
     unit = (info.json_schema_extra or {}).get("unit", "") if info else ""
     return f" {unit}" if unit else ""
 
@@ -59,11 +59,11 @@ def number_limits(info):
     return lo, hi
 
 
-def field_choices(info):
+def literal_choices(info):
     return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
 
 
-def limit_text(value):
+def number_text(value):
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -74,10 +74,10 @@ def _invalid_key_line(sections, section, key, value, path):
     for other in fields:
         other_stem, other_suffix = _suffix(other)
         if other_suffix and other_stem == stem:
-            line = f"{path} is not a known key; this quantity is in{unit_suffix(fields[other])}: {section}.{other}"
+            line = f"{path} is not a known key; this quantity is in{spaced_unit(fields[other])}: {section}.{other}"
             fits = suffix and isinstance(value, (int, float)) and not isinstance(value, bool)
             converted = convert(value, suffix, other_suffix) if fits else None
-            return line if converted is None else f"{line} = {limit_text(converted)}"
+            return line if converted is None else f"{line} = {number_text(converted)}"
     if homes := _homes(sections, key):
         return f"{path} is not a known key; {key} belongs in {homes}"
     close_matches = difflib.get_close_matches(key, fields, n=1, cutoff=0.5)
@@ -98,18 +98,18 @@ def _some(names):
 def _not_a_number(path, value, info, key):
     """Line for a value that is no number: a text with a unit gets the number to write."""
     integer = info.annotation is int
-    match = WRITTEN.fullmatch(value) if isinstance(value, str) else None
-    if not match or math.isinf(float(match[1])):
+    number_match = WRITTEN.fullmatch(value) if isinstance(value, str) else None
+    if not number_match or math.isinf(float(number_match[1])):
         return f"{path} = {short_toml(value)} is not {'an integer' if integer else 'a number'}{_span(info)}"
-    magnitude, unit = float(match[1]), match[2] or ""
+    magnitude, unit = float(number_match[1]), number_match[2] or ""
     have = unit.lower().replace("/", "_per_").replace("^", "").replace("°", "deg").replace("µ", "u")
-    unit_matches = not unit or unit == unit_suffix(info).strip()
-    converted = magnitude if unit_matches else convert(magnitude, have, _suffix(key)[1])
+    has_key_unit = not unit or unit == spaced_unit(info).strip()
+    converted = magnitude if has_key_unit else convert(magnitude, have, _suffix(key)[1])
     if converted is None:
         write = f"{unit} cannot be converted to that"
     else:
-        write = f"write {key} = {limit_text(int(converted) if integer else converted)}"
-    in_unit = unit_suffix(info) and f" in{unit_suffix(info)}"
+        write = f"write {key} = {number_text(int(converted) if integer else converted)}"
+    in_unit = spaced_unit(info) and f" in{spaced_unit(info)}"
     return f"{path} = {short_toml(value)} is text; the key wants the bare number{in_unit}: {write}"
 
 
@@ -139,19 +139,19 @@ def explain(error, sections, source, origin):
     if kind in ("model_type", "model_attributes_type") or info is None:
         return f"{label}: {path} = {short_toml(value)} is not a section; write [{path}] and its keys below"
     if kind == "greater_than_equal":
-        limit = limit_text(error["ctx"]["ge"])
-        return f"{label}: {path} = {short_toml(value)} is below the limit {limit}{unit_suffix(info)}"
+        limit = number_text(error["ctx"]["ge"])
+        return f"{label}: {path} = {short_toml(value)} is below the limit {limit}{spaced_unit(info)}"
     if kind == "less_than_equal":
-        limit = limit_text(error["ctx"]["le"])
-        return f"{label}: {path} = {short_toml(value)} is above the limit {limit}{unit_suffix(info)}"
+        limit = number_text(error["ctx"]["le"])
+        return f"{label}: {path} = {short_toml(value)} is above the limit {limit}{spaced_unit(info)}"
     if kind == "finite_number":
         return f"{label}: {path} = {short_toml(value)} is not finite{_span(info)}"
     if kind == "literal_error":
-        choices = field_choices(info)
+        choices = literal_choices(info)
         close_matches = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.5)
         hint = f"; did you mean {close_matches[0]}?" if close_matches else ""
-        choice_texts = " | ".join(map(toml_value, choices))
-        return f"{label}: {path} = {short_toml(value)} is none of {choice_texts}{unit_suffix(info)}{hint}"
+        choices_text = " | ".join(map(toml_value, choices))
+        return f"{label}: {path} = {short_toml(value)} is none of {choices_text}{spaced_unit(info)}{hint}"
     if kind == "bool_type":
         return f"{label}: {path} = {short_toml(value)} is not true or false"
     if kind == "string_type":
@@ -161,4 +161,4 @@ def explain(error, sections, source, origin):
 
 def _span(info):
     lo, hi = number_limits(info)
-    return f" ({limit_text(lo)} to {limit_text(hi)}{unit_suffix(info)})" if hi is not None else ""
+    return f" ({number_text(lo)} to {number_text(hi)}{spaced_unit(info)})" if hi is not None else ""

@@ -39,7 +39,7 @@ def _crc(word, bits, crc):
 
 
 @kernel
-def _port_write(p, s, b, pins):
+def _simulate_port_write(p, s, b, pins):
     """(clock, address, data) of the write that a port makes of its pins; clock -1: of none."""
     for n in range(len(pins)):
         if b.bank_write == 1:
@@ -50,7 +50,7 @@ def _port_write(p, s, b, pins):
     return -1, 0, 0
 
 
-def write_bits(register, raw):
+def sdi_bits(register, raw):
     """Bits of SDI of the frame that writes a value: command, words with the low one first, CRC."""
     word = registers.to_bus(int(raw), register.fmt)
     count = 2 if register.fmt.width > host_bus.WORD_BITS else 1
@@ -73,11 +73,11 @@ def _frame_pins(bits, begin):
 
 def encode_write(design, register, raw):
     """`Frame` of the write of a value to a register of the map."""
-    bits, clocks = write_bits(register, raw), design.tick_clocks
+    bits, clocks = sdi_bits(register, raw), design.tick_clocks
     port = host_bus.design(design), spi_slave.State(), host_bus.State()
-    latency, _, _ = _port_write(*port, _frame_pins(bits, 0))
-    pins = _frame_pins(bits, -latency % clocks)
-    clock, address, data = _port_write(*port, pins)
+    latency_clocks, _, _ = _simulate_port_write(*port, _frame_pins(bits, 0))
+    pins = _frame_pins(bits, -latency_clocks % clocks)
+    clock, address, data = _simulate_port_write(*port, pins)
     if clock < 0 or clock % clocks:
         raise RuntimeError(f"host port: the write of {register.name} comes at clock {clock} of its frame")
     return Frame(pins, clock // clocks, int(address), int(data))

@@ -25,7 +25,7 @@ from analog_frontend.effects import catalogue
 from analog_frontend.parts import adc
 from fpga_model import design_record, spi_adc
 from fpga_model.design_record import DEFAULT
-from testbench.arguments import name_of_file, to_python
+from testbench.arguments import name_of_file, numpy_to_python
 from testbench.config import law_file, scenario
 from testbench.config.board import Nominal, Plant, drop_inherited, inherit_nominal
 from testbench.config.config_errors import explain
@@ -319,7 +319,7 @@ class Config(Section):
     output: Output = Output()
 
     @model_validator(mode="after")
-    def _check_sections(self):
+    def _check_key_dependencies(self):
         if self.firmware.adc_clock == "synchronous" and self.plant.adc_clock_ppm:
             raise scenario.Problem(
                 "plant.adc_clock_ppm",
@@ -421,7 +421,7 @@ def load(path=None, overrides=()):
             node = node.setdefault(section, {})
             if not isinstance(node, dict):
                 raise ConfigError(f"{item.source}: {item.path}: {section} is a value, not a section")
-        node[key] = to_python(item.value)
+        node[key] = numpy_to_python(item.value)
         origin[item.path] = item.source
     return from_dict(tree, str(path) if path is not None else "defaults", origin)
 
@@ -465,7 +465,7 @@ def changed(config, values, library=False):
     tree = drop_inherited(require_config(config).model_dump(), values)
     for path, value in values.items():
         section, key = path.split(".")
-        tree.setdefault(section, {})[key] = to_python(value)
+        tree.setdefault(section, {})[key] = numpy_to_python(value)
     return from_dict(tree, "changed", {LIBRARY: "caller"} if library or LIBRARY not in values else {})
 
 

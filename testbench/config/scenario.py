@@ -122,7 +122,7 @@ class Timeline(NamedTuple):
 # ---- checks; they raise Problem and return what they understood ------------------------------------------------------
 
 
-def _finite_number(value, where, what):
+def _check_finite_number(value, where, what):
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise Problem(where, f"= {short_toml(value)}: {what} is not a number")
     try:
@@ -134,7 +134,7 @@ def _finite_number(value, where, what):
     return number
 
 
-def _check_row(item, where, length, shape):
+def _check_item(item, where, length, shape):
     if not isinstance(item, (list, tuple)) or len(item) != length:
         raise Problem(where, f"= {short_toml(item)} is not of the form {shape}")
     return item
@@ -145,13 +145,13 @@ def profile_points(value, lo, hi, unit):
     if isinstance(value, (list, tuple)):
         if not value:
             raise Problem("", "= [] has no points")
-        rows = [(f"[{k}]", *_check_row(item, f"[{k}]", 2, f"[t_s, {unit}]")) for k, item in enumerate(value)]
+        rows = [(f"[{k}]", *_check_item(item, f"[{k}]", 2, f"[t_s, {unit}]")) for k, item in enumerate(value)]
     else:
         rows = [("", 0.0, value)]
     points = []
     for where, t_s, level in rows:
-        t_s = _finite_number(t_s, where, "the time")
-        level = _finite_number(level, where, "the value")
+        t_s = _check_finite_number(t_s, where, "the time")
+        level = _check_finite_number(level, where, "the value")
         if level > hi:
             raise Problem(where, f"= {level:g} is above the limit {hi:g} {unit}")
         if level < lo:
@@ -166,13 +166,13 @@ def profile_points(value, lo, hi, unit):
     return tuple(points)
 
 
-def nearest(name, names):
+def nearest(name, allowed_names):
     """Hint on a name that is not among the known ones."""
-    matches = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    close_matches = difflib.get_close_matches(str(name), allowed_names, n=1, cutoff=0.5)
     return (
-        f"did you mean {matches[0]}?"
-        if matches
-        else f"known: {textwrap.shorten(', '.join(names), 280, placeholder=' ...')}"
+        f"did you mean {close_matches[0]}?"
+        if close_matches
+        else f"known: {textwrap.shorten(', '.join(allowed_names), 280, placeholder=' ...')}"
     )
 
 
@@ -187,19 +187,19 @@ def check_register_writes(value):
     """((t_s, name, raw), ...) of [[t_s, register, raw value], ...]."""
     if not isinstance(value, (list, tuple)):
         raise Problem("", f"= {short_toml(value)} is not a list of [t_s, register, raw value]")
-    formats = writable_registers() if value else {}
+    register_formats = writable_registers() if value else {}
     writes = []
     for k, item in enumerate(value):
         where = f"[{k}]"
-        t_s, name, raw = _check_row(item, where, 3, "[t_s, register, raw value]")
-        t_s = _finite_number(t_s, where, "the time")
-        if not isinstance(name, str) or name not in formats:
-            raise Problem(where, f"= {short_toml(name)} is not a writable register; {nearest(name, formats)}")
+        t_s, name, raw = _check_item(item, where, 3, "[t_s, register, raw value]")
+        t_s = _check_finite_number(t_s, where, "the time")
+        if not isinstance(name, str) or name not in register_formats:
+            raise Problem(where, f"= {short_toml(name)} is not a writable register; {nearest(name, register_formats)}")
         if isinstance(raw, bool) or not isinstance(raw, int):
             raise Problem(
                 where, f"= {short_toml(raw)}: the value of {name} is not an integer; registers take raw words"
             )
-        fmt = formats[name]
+        fmt = register_formats[name]
         if not fmt.holds(raw):
             side, limit = ("above", fmt.hi) if raw > fmt.hi else ("below", fmt.lo)
             raise Problem(where, f"= {raw}: the value of {name} is {side} the limit {limit} of its format {fmt}")
@@ -228,8 +228,8 @@ def check_faults(value):
     faults = []
     for k, item in enumerate(value):
         where = f"[{k}]"
-        t_s, kind, channel, level, duration_s = _check_row(item, where, 5, "[t_s, kind, channel, value, duration_s]")
-        t_s = _finite_number(t_s, where, "the time")
+        t_s, kind, channel, level, duration_s = _check_item(item, where, 5, "[t_s, kind, channel, value, duration_s]")
+        t_s = _check_finite_number(t_s, where, "the time")
         if not isinstance(kind, str) or kind not in FAULTS:
             raise Problem(where, f"= {short_toml(kind)} is not a kind of fault; {nearest(kind, FAULTS)}")
         fault = FAULTS[kind]
@@ -291,7 +291,7 @@ def sample(points, t_s, steps=False):
     return np.interp(t_s, times, values)
 
 
-def sorted_events(scenario, ticks, tick_hz):
+def build_events(scenario, ticks, tick_hz):
     """Events sorted by tick; those at one tick keep the order of the file, ends before beginnings."""
     events = [
         Event(round(t_s * tick_hz), WRITE, name, "", raw)
@@ -319,5 +319,5 @@ def expand(scenario, design=DEFAULT):
         Profile(temp, False, 1.0, frames, frame_s),
         rate[0][1] * DEG,
         temp[0][1],
-        sorted_events(scenario, ticks, design.tick_hz),
+        build_events(scenario, ticks, design.tick_hz),
     )

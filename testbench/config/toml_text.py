@@ -3,7 +3,7 @@
 import math
 import re
 
-MOST_CHARACTERS = 60
+SHORT_TOML_LENGTH = 60
 
 
 def toml_value(value):
@@ -33,4 +33,4 @@ def short_toml(value):
         text = toml_value(value)
     except ValueError:  # an integer of more than 4300 digits
         text = "a number too long to print"
-    return text if len(text) <= MOST_CHARACTERS else text[: MOST_CHARACTERS - 3] + "..."
+    return text if len(text) <= SHORT_TOML_LENGTH else text[: SHORT_TOML_LENGTH - 3] + "..."

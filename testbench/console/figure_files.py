@@ -38,37 +38,37 @@ class Picture(NamedTuple):
 
 def write(picture, folder):
     """Write the four files together; returns the paths by kind, and the bytes of the PNG."""
-    contents = {"png": png_bytes(picture.figure)}
+    content_by_kind = {"png": png_bytes(picture.figure)}
     picture.figure.set_layout_engine("none")  # laid out once, for all kinds
     with matplotlib.rc_context({"svg.hashsalt": picture.name, "svg.fonttype": "path"}):
         buffer = io.BytesIO()
         FigureCanvasSVG(picture.figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
-        contents["svg"] = buffer.getvalue()
+        content_by_kind["svg"] = buffer.getvalue()
     buffer = io.BytesIO()
     FigureCanvasPdf(picture.figure).print_pdf(buffer, metadata={"CreationDate": None, "Creator": None})
-    contents["pdf"] = buffer.getvalue()
+    content_by_kind["pdf"] = buffer.getvalue()
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
     out.writerow(HEAD)
-    out.writerows(figure_rows(picture.figure))
-    contents["csv"] = text.getvalue().encode()
+    out.writerows(figure_csv_rows(picture.figure))
+    content_by_kind["csv"] = text.getvalue().encode()
     paths = {kind: Path(folder) / f"{picture.name}.{kind}" for kind in KINDS}
     with atomic_outputs():
         for kind, path in paths.items():
-            write_bytes(path, contents[kind])
-    return paths, contents["png"]
+            write_bytes(path, content_by_kind[kind])
+    return paths, content_by_kind["png"]
 
 
-def figure_rows(figure):
+def figure_csv_rows(figure):
     """Rows of `HEAD` of all that is drawn with a name: curves, marks with error bars, bars, maps."""
     rows = []
     for axis in figure.axes:
         panel = " ".join((axis.get_title(loc="left") or axis.get_ylabel() or axis.get_xlabel()).split())
-        rows += [(panel, *row) for row in _axis_rows(axis)]
+        rows += [(panel, *row) for row in _axis_csv_rows(axis)]
     return rows
 
 
-def _axis_rows(axis):
+def _axis_csv_rows(axis):
     labels, drawn = _labels(axis), set()
     for container in axis.containers:
         if isinstance(container, ErrorbarContainer):
@@ -95,9 +95,9 @@ def _text(value):
 def _labels(axis):
     """{place: text} of an axis whose ticks are texts."""
     for ruler in (axis.xaxis, axis.yaxis):
-        texts, positions = ruler.get_major_formatter(), ruler.get_majorticklocs()
+        texts, tick_positions = ruler.get_major_formatter(), ruler.get_majorticklocs()
         if isinstance(texts, FuncFormatter) and isinstance(ruler.get_major_locator(), FixedLocator):
-            return {position: " ".join(texts(position, k).split()) for k, position in enumerate(positions)}
+            return {tick: " ".join(texts(tick, k).split()) for k, tick in enumerate(tick_positions)}
     return {}
 
 
@@ -112,14 +112,14 @@ def _ends(bars):
 def _points(name, x, y, labels, low=(), high=()):
     low, high = (values if len(values) == len(y) else [""] * len(y) for values in (low, high))
     for point in zip(x, y, low, high):
-        position, value, *ends = point
-        yield name, _text(position), labels.get(position, ""), _text(value), *map(_text, ends)
+        x_value, value, *ends = point
+        yield name, _text(x_value), labels.get(x_value, ""), _text(value), *map(_text, ends)
 
 
 def _bars(container, labels):
     for bar in container:
         flat = container.orientation == "horizontal"
         start, length = (bar.get_x(), bar.get_width()) if flat else (bar.get_y(), bar.get_height())
-        position = bar.get_y() + bar.get_height() / 2 if flat else bar.get_x() + bar.get_width() / 2
-        label = labels.get(round(position), "")
-        yield container.get_label(), _text(position), label, _text(length), _text(start), _text(start + length)
+        bar_position = bar.get_y() + bar.get_height() / 2 if flat else bar.get_x() + bar.get_width() / 2
+        label = labels.get(round(bar_position), "")
+        yield container.get_label(), _text(bar_position), label, _text(length), _text(start), _text(start + length)

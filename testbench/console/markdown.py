@@ -19,11 +19,11 @@ def need_repository():
 
 def replace_part(page, name, text):
     """The page with the part `name` renewed; ValueError if the page has no such part."""
-    match = re.search(rf"<!-- {name}: .*? -->\n", page)
-    if not match:
+    marker_match = re.search(rf"<!-- {name}: .*? -->\n", page)
+    if not marker_match:
         raise ValueError(f"no part {name!r} in the page")
-    end = page.index("<!-- end -->", match.end())
-    return f"{page[: match.end()]}\n{text.strip()}\n\n{page[end:]}"
+    end = page.index("<!-- end -->", marker_match.end())
+    return f"{page[: marker_match.end()]}\n{text.strip()}\n\n{page[end:]}"
 
 
 def markdown(table):

@@ -121,8 +121,8 @@ def startup(
     if lock_time_s is not None:
         for axis in axes:
             axis.axvline(lock_time_s, color=GREEN, linestyle="-.", linewidth=1.4)
-        position = {"xycoords": ("data", "axes fraction")}
-        _note(axes[0], f"lock, {lock_time_s:.3f} s", (lock_time_s, 0.03), (6, 0), GREEN, **position)
+        note_options = {"xycoords": ("data", "axes fraction")}
+        _note(axes[0], f"lock, {lock_time_s:.3f} s", (lock_time_s, 0.03), (6, 0), GREEN, **note_options)
     axes[0].set_xlim(time_s[0], time_s[-1])
     figure.align_ylabels()
     return figure

@@ -8,17 +8,17 @@ PLAIN_WIDTH = 120  # columns where standard output is no terminal
 WORDS_WIDTH = 12  # columns that a cell of words needs at least
 
 
-def _finite_or_null(value):
+def _nonfinite_to_null(value):
     """The same data with numbers that JSON cannot hold as null."""
     if isinstance(value, dict):
-        return {key: _finite_or_null(item) for key, item in value.items()}
+        return {key: _nonfinite_to_null(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite_or_null(item) for item in value]
+        return [_nonfinite_to_null(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def print_json(data):
-    print(json.dumps(_finite_or_null(data), allow_nan=False))
+    print(json.dumps(_nonfinite_to_null(data), allow_nan=False))
 
 
 def _console():
@@ -27,7 +27,7 @@ def _console():
     return Console(highlight=False, width=None if sys.stdout.isatty() else PLAIN_WIDTH)
 
 
-def _least_width(table):
+def _least_table_width(table):
     """Columns of the terminal below which numbers would be cut or words stand one letter to a line."""
     width = 2
     for k, head in enumerate(table.heads):
@@ -49,7 +49,7 @@ def _print_rows(console, table, note):
     console.print()
 
 
-def _table_grid(table, note):
+def _rich_table(table, note):
     from rich import box
     from rich.table import Table
 
@@ -68,10 +68,10 @@ def print_tables(tables):
     for table, after in zip(tables, [*tables[1:], None]):
         # a note that the next table has, too, stands behind that one
         note = None if after and after.note == table.note else table.note or None
-        if _least_width(table) > console.width:
+        if _least_table_width(table) > console.width:
             _print_rows(console, table, note)
         else:
-            console.print(_table_grid(table, note), markup=False)
+            console.print(_rich_table(table, note), markup=False)
 
 
 def print_list(head, items):

@@ -43,9 +43,9 @@ def _wrap_stream(stream, descriptor):
 def settle():
     """Give this process streams as above; FileError if standard output is closed."""
     closed = sys.stdout is None
-    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+    while (null_descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass  # a closed descriptor would be the next file's, and a child would write into it
-    os.close(descriptor)
+    os.close(null_descriptor)
     if sys.stderr is None:
         sys.stderr = open(2, "w", closefd=False)
     if closed:

@@ -14,6 +14,6 @@ class Table(NamedTuple):
     sums: tuple = ()
 
 
-def fixed_digits(value, digits):
-    """Number with fixed digits, or a dash where there is none."""
-    return "-" if value is None else f"{value:.{digits}f}"
+def to_decimals(value, decimals):
+    """Number with fixed decimals, or a dash where there is none."""
+    return "-" if value is None else f"{value:.{decimals}f}"

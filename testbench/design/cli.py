@@ -41,7 +41,7 @@ def design(
         result = designer.design(targets.load(target), str(target))
         if simulate:
             progress("simulation", 0, 1)
-            result = result._replace(simulated=confirm_design.confirm_result(result))
+            result = result._replace(simulated=confirm_design.simulate_design(result))
         written = []
         with atomic_outputs():
             if out is not None:

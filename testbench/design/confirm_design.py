@@ -64,17 +64,17 @@ def measure(config, bandwidth_hz, settle_s=SETTLE_S):
         raise ConfigError("simulation: the gyroscope loses lock under the lines of rate")
     size = np.abs(confirm.measured_response(run, rate, lines, window))
     level = 20 * np.log10(size / size[0])
-    stopband = np.flatnonzero(level < -3.0103)
-    inside = level[: stopband[0]] if len(stopband) else level
+    stopband_lines = np.flatnonzero(level < -3.0103)
+    inside = level[: stopband_lines[0]] if len(stopband_lines) else level
     edge = None
-    if len(stopband):
-        k = stopband[0]
+    if len(stopband_lines):
+        k = stopband_lines[0]
         part = (level[k - 1] + 3.0103) / (level[k - 1] - level[k])
         edge = float(lines[k - 1] * (lines[k] / lines[k - 1]) ** part)
     return Measured(float(lock_s), edge, max(float(inside.max()), 0.0), float(size[0]))
 
 
-def confirm_result(result):
+def simulate_design(result):
     """`Measured` of a design's own board, noise off."""
     settle_s = max(SETTLE_S, 5 * (result.advice.ring_tau_s or 0.0))
     return measure(changed(result.config, confirm.QUIET), result.advice.bandwidth_hz, settle_s)

@@ -143,7 +143,7 @@ def write(result, folder, progress=None, cells=9):
             design_pictures.margins(margin_map, (bandwidth, split)),
         ),
         ("Open loop of this design, with its margins.", loop_pictures.bode(p, result.advice)),
-        ("Closed loop of this design.", loop_pictures.closed_bode(p)),
+        ("Closed loop of this design.", loop_pictures.closed_loop_bode(p)),
     ]
     path = folder / "design.html"
     notes = result.warnings or ("nothing to mind",)

@@ -51,13 +51,13 @@ class Result(NamedTuple):
     @property
     def warnings(self):
         """What to mind, one line each."""
-        lines = [
+        warning_lines = [
             f"{m.what}: {m.distance_hz:.4g} Hz is below {m.least_hz:.4g} Hz: {m.effect}"
             for m in self.plan
             if not m.is_satisfied
         ]
-        lines += [w for w in self.advice.warnings if not w.startswith("bandwidth ")]
-        return (*lines, *build.no_rate_output(self.config))
+        warning_lines += [w for w in self.advice.warnings if not w.startswith("bandwidth ")]
+        return (*warning_lines, *build.no_rate_output(self.config))
 
 
 class _Draft:
@@ -76,13 +76,13 @@ class _Draft:
     def _set_initial_gains(self, bandwidth_hz):
         """Gains and an amplitude that the firmware's formats hold, to begin with."""
         self.set(ftr_crossover_hz=0.6 * bandwidth_hz, ftr_zero_hz=10 * bandwidth_hz)
-        for amplitude_um in FIRST_AMPLITUDES_UM:
-            self.set(amplitude_um=amplitude_um)
+        for trial_amplitude_um in FIRST_AMPLITUDES_UM:
+            self.set(amplitude_um=trial_amplitude_um)
             try:
                 return self.set_quadrature(QUADRATURE_BY_BANDWIDTH[0] * bandwidth_hz)
             except ConfigError as problem:
-                refusal = problem
-        raise refusal
+                last_error = problem
+        raise last_error
 
     def set(self, **keys):
         """Change keys of [firmware] that are not fixed; keys of both boards are written `nominal__key`."""
@@ -103,8 +103,8 @@ class _Draft:
             except ValueError as problem:
                 if "fit format" not in str(problem):
                     raise
-                refusal = problem
-        return self.refuse(f"the firmware's formats do not hold this board's gains: {refusal}")
+                format_error = problem
+        return self.refuse(f"the firmware's formats do not hold this board's gains: {format_error}")
 
     def refuse(self, text):
         """ConfigError with the file's name in front."""
@@ -246,15 +246,15 @@ def _drive_loops(draft):
 def _start_up(draft):
     """Choose the quadrature loop's crossover; returns (nominal, slowest, promised) of the start-up."""
     target = draft.target
-    drives = [start_up.drive_start_up(c) for c in (draft.config, *start_up.corners(draft.config))]
+    drives = [start_up.predict_drive_start(c) for c in (draft.config, *start_up.corners(draft.config))]
     for ratio in QUADRATURE_BY_BANDWIDTH:
         draft.set_quadrature(ratio * target.bandwidth_hz)
         boards = (draft.config, *start_up.corners(draft.config))
-        start_ups = [start_up.add_balance(*pair) for pair in zip(drives, boards)]
-        slowest = start_up.slowest(start_ups)
+        predicted_start_ups = [start_up.add_sense_lock(*pair) for pair in zip(drives, boards)]
+        slowest = start_up.slowest(predicted_start_ups)
         promised = start_up.promised_s(slowest)
         if promised is not None and promised <= target.startup_s:
-            return start_ups[0], slowest, promised
+            return predicted_start_ups[0], slowest, promised
     if promised is None:
         draft.refuse(f"start-up of a board of the tolerances: {slowest.failure}")
     draft.refuse(

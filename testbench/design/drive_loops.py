@@ -86,7 +86,7 @@ def phase_margin_deg(loop):
 
 def words(config):
     """`Words` of the nominal board and its tolerances."""
-    n, nominal = config.nominal, build.nominal(config)
+    n, unit_scales = config.nominal, build.nominal(config)
     corner = sid.corner_hz(n.sid_r_ohm * n.sid_c_f)
     tau = 1 / (2 * math.pi * corner * (1 - n.capacitor_tolerance))
     root, least = math.sqrt(n.q_tolerance), (1 - n.transducer_tolerance) ** 2
@@ -99,9 +99,9 @@ def words(config):
     off = n.fx_hz * n.f_tolerance + abs(config.firmware.nominal_frequency_hz - n.fx_hz)
     limit = SEARCH_ROOM * off + 1 / LEAST_SEARCH_S / 10
     kick_s = 0.5 / max(off, LEAST_OFF_HZ)
-    full_v = nominal["adc_drive_v"]
-    volts_per_s = nominal["plant_fs_per_s"] * full_v  # at the whole drive span
-    setpoint_v = config.firmware.amplitude_um * nominal["v_per_um"]
+    full_v = unit_scales["adc_drive_v"]
+    volts_per_s = unit_scales["plant_fs_per_s"] * full_v  # at the whole drive span
+    setpoint_v = config.firmware.amplitude_um * unit_scales["v_per_um"]
     share = min(1.0, KICK_SHARE * setpoint_v / (volts_per_s * kick_s))
     filter_gain = math.sin(math.pi / 2) / (math.pi / 2) * (1 + (off / corner) ** 2) ** -1.5
     decay_s = _settling(SETTLED * filter_gain) * tau

@@ -32,7 +32,7 @@ from analog_frontend.parts import sid
 from fpga_model.design_record import DEFAULT
 from testbench.design import drive_loops
 
-MOST_PHASES = 24  # of a tick: at 11 kHz what is finer wanders by less than a sixth of a degree
+MOST_EDGE_PHASES = 24  # of a tick: at 11 kHz what is finer wanders by less than a sixth of a degree
 HARMONICS = (1, 2)
 LINES = np.arange(1, 65)  # of the beat: the SID leaves nothing of higher ones where the bound is below 1/2
 ROUNDS = 20  # from the slowest beat that the loop can make, each nearer to its own
@@ -64,14 +64,14 @@ class Slide(NamedTuple):
 
 
 def slides(f_hz, design=DEFAULT):
-    """[Slide, ...] of all ratios up to MOST_PHASES near a drive frequency, the slowest beat first."""
-    slide_rows, step_hz = [], design.master_hz / 2**design.dds_bits
-    for q in range(1, MOST_PHASES + 1):
+    """[Slide, ...] of all ratios up to MOST_EDGE_PHASES near a drive frequency, the slowest beat first."""
+    ratio_slides, step_hz = [], design.master_hz / 2**design.dds_bits
+    for q in range(1, MOST_EDGE_PHASES + 1):
         p = round(q * design.tick_hz / (2 * f_hz))
         if p and math.gcd(p, q) == 1:
             beat = max(abs(q * design.tick_hz - 2 * p * f_hz) - 2 * p * step_hz, 0.0)
-            slide_rows.append(Slide(q, q * design.tick_hz / (2 * p), beat, 360 * f_hz / design.tick_hz / q))
-    return sorted(slide_rows, key=lambda s: s.beat_hz)
+            ratio_slides.append(Slide(q, q * design.tick_hz / (2 * p), beat, 360 * f_hz / design.tick_hz / q))
+    return sorted(ratio_slides, key=lambda s: s.beat_hz)
 
 
 def dwell(beat_hz, seconds, loop=None):

@@ -62,29 +62,29 @@ def leak_deg(config):
 
 def ranges(config, target):
     """[Range, ...] of a configuration at the largest rate and quadrature of a target."""
-    n, nominal, p = config.nominal, build.nominal(config), loop_parameters(config)
+    n, unit_scales, p = config.nominal, build.nominal(config), loop_parameters(config)
     angle = _leak_rad(p)
     root = math.sqrt(n.q_tolerance)
     # signals are held, so a weak pickoff moves further; a weak transducer needs more volts
     further = (1 + n.capacitor_tolerance) / (1 - n.transducer_tolerance)
     volts = further / (1 - n.transducer_tolerance)
-    sense_factor = further * (1 + n.transducer_tolerance) / (1 - n.capacitor_tolerance) / (1 - n.split_tolerance)
+    worst_sense_factor = further * (1 + n.transducer_tolerance) / (1 - n.capacitor_tolerance) / (1 - n.split_tolerance)
     rate = target.max_rate_deg_s
     bias = abs(p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg)) * 180 / math.pi * root
-    null_dps = nominal["null_deg_per_s"]
+    null_dps = unit_scales["null_deg_per_s"]
     quadrature = null_dps if target.max_quadrature_deg_s is None else target.max_quadrature_deg_s
     leak = rate * abs(math.tan(angle))
-    full = (n.quad_dac_span_v / nominal["null_v"]) ** 2 * null_dps if nominal["null_v"] else math.inf
+    full = (n.quad_dac_span_v / unit_scales["null_v"]) ** 2 * null_dps if unit_scales["null_v"] else math.inf
     w = 2 * math.pi * n.fx_hz
-    drive = config.firmware.amplitude_um * nominal["v_per_um"]
+    drive = config.firmware.amplitude_um * unit_scales["v_per_um"]
     hold_v = n.mass_kg * w**2 * config.firmware.amplitude_um * 1e-6 / n.qx * root / n.k_vf_drive_n_per_v
-    code_v = abs(nominal["code_v_per_deg_s"]) * sense_factor
+    code_v = abs(unit_scales["code_v_per_deg_s"]) * worst_sense_factor
     um_per_dps = (
-        1e6 * abs(nominal["code_v_per_deg_s"]) / abs(p.cv_v_per_m * p.sid_gain) * further / (1 - n.split_tolerance)
+        1e6 * abs(unit_scales["code_v_per_deg_s"]) / abs(p.cv_v_per_m * p.sid_gain) * further / (1 - n.split_tolerance)
     )
-    force_v = (rate + bias) / abs(math.cos(angle)) * abs(nominal["word_v_per_deg_s"]) * volts
-    sense_v, drive_v = ROOM * nominal["adc_sense_v"], ROOM * nominal["adc_drive_v"]
-    range_rows = [
+    force_v = (rate + bias) / abs(math.cos(angle)) * abs(unit_scales["word_v_per_deg_s"]) * volts
+    sense_v, drive_v = ROOM * unit_scales["adc_sense_v"], ROOM * unit_scales["adc_drive_v"]
+    checked_ranges = [
         Range("force at the sense electrode", force_v, ROOM * n.sense_dac_span_v, "V", True, LOWER_FORCE),
         Range("force that holds the drive", abs(hold_v) * volts, HOLD_SHARE * n.drive_dac_span_v, "V", True, LOWER),
         Range(
@@ -99,14 +99,14 @@ def ranges(config, target):
         most = target.gap_share * target.gap_um
         y_um = math.hypot(rate, quadrature) * um_per_dps
         x_um = config.firmware.amplitude_um * further
-        range_rows.append(Range("displacement x against the gap", x_um, most, "um", True, LOWER))
-        range_rows.append(Range("displacement y against the gap, loop open", y_um, most, "um", True, LOWER))
-    return range_rows
+        checked_ranges.append(Range("displacement x against the gap", x_um, most, "um", True, LOWER))
+        checked_ranges.append(Range("displacement y against the gap, loop open", y_um, most, "um", True, LOWER))
+    return checked_ranges
 
 
-def most_amplitude_um(range_rows, amplitude_um):
+def most_amplitude_um(checked_ranges, amplitude_um):
     """(largest amplitude (um) that the ranges hold, name of the range that bounds it)."""
-    growing = [r for r in range_rows if r.by_amplitude]
+    growing = [r for r in checked_ranges if r.by_amplitude]
     tightest = max(growing, key=lambda r: r.share)
     most = amplitude_um / tightest.share
     return (

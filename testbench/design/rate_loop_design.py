@@ -102,8 +102,8 @@ def open_loop_response(p, hz):
 
     def responses(z):
         both = np.broadcast_to(np.stack([word_in, b[:, lp.RATE]], axis=1), (len(z), len(a), 2))
-        response = codes[0] @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, both)
-        return response[:, 0], response[:, 1] + codes_b[0, lp.RATE]
+        code_response = codes[0] @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, both)
+        return code_response[:, 0], code_response[:, 1] + codes_b[0, lp.RATE]
 
     word, rate = responses(np.exp(2j * math.pi * hz * p.frame_s))
     # not 0 Hz itself: the opened integrator of u stands there
@@ -241,9 +241,9 @@ def best(mets, limits, nearly=NEARLY[0]):
 
     Of those within `nearly` of the most robust, the one with the fastest SID: start-up and drive loops wait for it.
     """
-    rated = [(worst_modulus(m), m) for m in mets]
-    enough = max(nearly * max((worst for worst, _ in rated), default=0.0), limits.modulus_at_corners)
-    ranked = sorted(rated, key=lambda pair: (pair[0] < enough, pair[1].board.sid_c_f, -pair[0]))
+    rated_points = [(worst_modulus(m), m) for m in mets]
+    enough = max(nearly * max((worst for worst, _ in rated_points), default=0.0), limits.modulus_at_corners)
+    ranked = sorted(rated_points, key=lambda pair: (pair[0] < enough, pair[1].board.sid_c_f, -pair[0]))
     for worst, m in ranked:
         if worst < limits.modulus_at_corners:
             continue
@@ -256,10 +256,10 @@ def best(mets, limits, nearly=NEARLY[0]):
 
 def choose(config, bands, bandwidth_hz, limits, nearly=NEARLY[0]):
     """`Choice` for a bandwidth that the boards have at a grid point, or None if no point keeps the limits."""
-    best_pair = best(feasible_points(bands, bandwidth_hz, limits), limits, nearly)
-    if best_pair is None:
+    best_point = best(feasible_points(bands, bandwidth_hz, limits), limits, nearly)
+    if best_point is None:
         return None
-    m, worst = best_pair
+    m, worst = best_point
     p = m.board.nominal.p
     per_hz = abs(p.word_ki) / p.frame_s / config.firmware.ftr_crossover_hz
     return Choice(m.board.sid_c_f, float(m.gain / per_hz), m.zero_hz, m.bandwidth_hz, m.peak_db, m.modulus, worst)

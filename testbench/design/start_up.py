@@ -50,10 +50,10 @@ class _Drive:
         d, self.design = config.device(), config.design_record()
         self.frame_s = 1 / self.design.frame_hz
         gain = float(cordic.gain(self.design.cordic_iterations))
-        plant_config = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
+        plant_as_nominal = changed(config, {f"nominal.{k}": v for k, v in config.plant.model_dump().items()})
         phases = budget(config)
         lag = math.radians(phases.node_deg()["xe1"] + phases.loop_deg()["xe2"])
-        self.gain = build.nominal(plant_config)["plant_fs_per_s"] * gain * cmath.exp(-1j * lag)
+        self.gain = build.nominal(plant_as_nominal)["plant_fs_per_s"] * gain * cmath.exp(-1j * lag)
         self.fx_hz, self.decay = d.fx_hz, math.pi * d.fx_hz / d.qx
         self.stage = -math.expm1(-2 * math.pi * sid.corner_hz(d.sid_r_ohm * d.sid_c_f) * self.frame_s)
         self.a, self.o, self.past = 0j, [0j] * 3, [0j] * 2
@@ -65,13 +65,13 @@ class _Drive:
         rate = -self.decay - 2j * math.pi * (word_hz - self.fx_hz)
         grown = cmath.exp(rate * self.frame_s)
         self.a = self.a * grown + self.gain * amplitude * (grown - 1) / rate
-        signal = self.a
+        stage_signal = self.a
         for n in range(3):
-            self.o[n] += self.stage * (signal - self.o[n])
-            signal = self.o[n]
-        filtered = (self.past[0] + 4 * self.past[1] + signal) / 6
-        self.past = [self.past[1], signal]
-        return filtered + self.offset
+            self.o[n] += self.stage * (stage_signal - self.o[n])
+            stage_signal = self.o[n]
+        converter_signal = (self.past[0] + 4 * self.past[1] + stage_signal) / 6
+        self.past = [self.past[1], stage_signal]
+        return converter_signal + self.offset
 
 
 def _turns(z):
@@ -93,14 +93,14 @@ class _Pi:
 
 def _simulate_search(p, drive, word_hz, kick):
     """(frames, correction Hz, magnitude): from the kick to the end of the search."""
-    signal = 0j
+    drive_signal = 0j
     for n in range(p.kick + p.decay):
-        signal = drive.step(word_hz, kick if n < p.kick else 0)
+        drive_signal = drive.step(word_hz, kick if n < p.kick else 0)
     rotation = 0.0
     for _ in range(p.search):
-        before, signal = signal, drive.step(word_hz, 0)
-        rotation += _turns(signal * before.conjugate())
-    return p.kick + p.decay + p.search, rotation / p.search / drive.frame_s, abs(signal)
+        before, drive_signal = drive_signal, drive.step(word_hz, 0)
+        rotation += _turns(drive_signal * before.conjugate())
+    return p.kick + p.decay + p.search, rotation / p.search / drive.frame_s, abs(drive_signal)
 
 
 def _drive_locked(p, control, drive, word_hz, setpoint):
@@ -110,12 +110,12 @@ def _drive_locked(p, control, drive, word_hz, setpoint):
     amplitude, offset, reached, good = 0.0, 0.0, None, [0, 0]
     per_hz = frequency_tracker.word_per_hz(drive.design)
     for n in range(2 * p.timeout):
-        signal = drive.step(word_hz + offset, amplitude)
-        error, phase = setpoint - abs(signal), _turns(signal) * 2**24
+        drive_signal = drive.step(word_hz + offset, amplitude)
+        error, phase = setpoint - abs(drive_signal), _turns(drive_signal) * 2**24
         amplitude = agc.step(error, reached is not None)
         offset = pll.step(phase) / per_hz
         if reached is None:
-            if abs(signal) * 2**16 >= setpoint * p.reached:
+            if abs(drive_signal) * 2**16 >= setpoint * p.reached:
                 reached = n
             elif n >= p.timeout:
                 return None, None
@@ -137,13 +137,13 @@ def _sense_codes(config):
     still = lp.Loop(*lp.assemble(frame, gains, 0.0, 0.0)[:2], None, None, None, q.frame_s)
     n = len(a)
     # constant inputs as one more state, so that a block of frames is one product
-    transition, output = np.eye(n + 1), np.zeros((2, n + 1))
-    transition[:n, :n], transition[:n, n] = a, b @ inputs
-    output[:, :n], output[:, n] = codes, codes_b @ inputs
+    transition_matrix, output_matrix = np.eye(n + 1), np.zeros((2, n + 1))
+    transition_matrix[:n, :n], transition_matrix[:n, n] = a, b @ inputs
+    output_matrix[:, :n], output_matrix[:, n] = codes, codes_b @ inputs
     rows, power = [], np.eye(n + 1)
     for _ in range(BLOCK):
-        rows.append(output @ power)
-        power = transition @ power
+        rows.append(output_matrix @ power)
+        power = transition_matrix @ power
     state = np.append(lp.steady_state(still, inputs), 1.0)
     for _ in range(round(LIMIT_S / q.frame_s / BLOCK)):
         yield np.abs(np.stack(rows) @ state)
@@ -172,7 +172,7 @@ class Driven(NamedTuple):
     frames: int
 
 
-def drive_start_up(config):
+def predict_drive_start(config):
     """`Driven` of the board [plant]: from power-on to the lock of the drive."""
     control = build.firmware(config).control
     p, setpoint = control.sequencer, _setpoint(config)
@@ -203,7 +203,7 @@ def drive_start_up(config):
     return Driven(first._replace(reached_s=ends[0], drive_s=ends[1]), frames + settled)
 
 
-def add_balance(before, config):
+def add_sense_lock(before, config):
     """`StartUp` behind a `Driven`, with the sense loops of a configuration."""
     if before.so_far.failure:
         return before.so_far
@@ -215,7 +215,7 @@ def add_balance(before, config):
 
 def predict(config):
     """`StartUp` of the board [plant] with the firmware of [nominal]."""
-    return add_balance(drive_start_up(config), config)
+    return add_sense_lock(predict_drive_start(config), config)
 
 
 def _setpoint(config):
@@ -230,7 +230,7 @@ def corners(config):
     """
     n = config.nominal
     root = math.sqrt(n.q_tolerance)
-    configs = []
+    corner_configs = []
     for f, fast, capacitor in itertools.product((-1, 1), (-1, 1), (-1, 1)):
         fx = n.fx_hz * (1 + f * n.f_tolerance)
         split = (n.fx_hz - n.fy_hz) * (1 - fast * n.split_tolerance)
@@ -241,13 +241,13 @@ def corners(config):
         ):
             values |= {name: getattr(n, name) * (1 + sign * n.transducer_tolerance) for name in names}
         values |= {name: getattr(n, name) * root ** (-f) for name in ("qx", "qy")}
-        configs.append(changed(config, {f"plant.{key}": value for key, value in values.items()}))
-    return configs
+        corner_configs.append(changed(config, {f"plant.{key}": value for key, value in values.items()}))
+    return corner_configs
 
 
-def slowest(start_ups):
+def slowest(predicted_start_ups):
     """The latest lock of some start-ups; one that fails is later than all."""
-    return max(start_ups, key=lambda s: math.inf if s.lock_s is None else s.lock_s)
+    return max(predicted_start_ups, key=lambda s: math.inf if s.lock_s is None else s.lock_s)
 
 
 def promised_s(start_up):

@@ -24,7 +24,7 @@ from testbench.engines import engine, frame
 from testbench.engines.baseband_frames import frames
 from testbench.engines.baseband_setup import RATE_LIMIT_DEG_S, setup
 from testbench.engines.baseband_state import give_state, slow, take_state
-from testbench.engines.frame import advance_blocks, begin_blocks, enter_block_mode, exit_block_mode, store_control
+from testbench.engines.frame import advance_blocks, begin_blocks, build_arrival, enter_block_mode, exit_block_mode
 from testbench.engines.pins import buffers
 from testbench.engines.turn import WIDEST, phase_at, widen_word
 from testbench.errors import ConfigError
@@ -80,7 +80,7 @@ def _run(p, u, b, f, chips, a, chunk, end, drdy_cycle, w):
             break
     g, tick = advance_blocks(p, a, chunk, g, tick, end, end, w)
     f, chips, drdy_cycle, failed = exit_block_mode(
-        p, store_control(d, f, chips, g, tick, chunk.faults.status), a, chunk, end
+        p, build_arrival(d, f, chips, g, tick, chunk.faults.status), a, chunk, end
     )
     return f, chips, drdy_cycle, failed, far
 

@@ -80,7 +80,7 @@ def _record_row(p, rom, u, c, bank, phase, word, codes, quadrature, z, temp_degc
 
 
 @inner
-def _draw_noise(p, u, b, tick, end, count, clock, sums):
+def _draw_noise_batch(p, u, b, tick, end, count, clock, sums):
     """The noise of the next batch of frames, `count` at most, behind that up to place `end`. Mutates `b`."""
     d, count = b.drawn, min(u.batch_mask + 1, count)
     averaged_noise.integrate(b.q, 4 * NOISE, d, end, -1.0)
@@ -94,7 +94,7 @@ def _draw_noise(p, u, b, tick, end, count, clock, sums):
 def _advance_modes(p, u, b, c, bank, tick, batch, rate, temp, words, turn_phase, cos, sin):
     """Both modes through a frame; `words` of the DDS before and after its turn. Mutates `b`."""
     word_old, word = words
-    volts = averaged_codes.rounded_fundamental(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
+    volts = averaged_codes.rounded_sine_fundamental(control.amplitude(p.fpga.control, c) * u.drive_volts, u.drive_lsb_v)
     d = p.fpga.design
     drive = turned_force(volts, widen_word(d, bank.phase_drive_sine))
     sense = turned_force(rate_volts(u, c), widen_word(d, bank.phase_sense_sine))
@@ -135,7 +135,7 @@ def frames(p, u, b, c, bank, phase, word, quadrature, old, new, chunk, tick, cou
         batch = n & u.batch_mask
         if batch == 0:
             end = drawn.begin[0] + u.frame_samples * (u.batch_mask + 1) if n > 0 else 0.0
-            _draw_noise(p, u, b, tick, end, count - n, clock, sums)
+            _draw_noise_batch(p, u, b, tick, end, count - n, clock, sums)
         rate, temp = chunk.rate_rad_s[first + n], chunk.temp_degc[first + n]
         v_q = quadrature * p.plant.quad_lsb_v
         motion(now, m, cos, sin, b.z, plant.X)

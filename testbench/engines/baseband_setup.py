@@ -33,7 +33,7 @@ DRIVE_TICK = 0.022  # turns a tick, 22 kHz at 1 MHz: an edge is carried by a sma
 SPLIT = 0.0625  # 500 Hz, 0.4 rad: the cubic of an envelope
 RING = 0.000625  # 5 Hz, half width of a mode
 CORNER = 0.0125  # 100 Hz, of the demodulators
-ROUNDING_LIMIT = 1 << 18  # codes of the sense DAC: those of 20 bits are not rounded
+LEAST_UNROUNDED_CODE = 1 << 18  # codes of the sense DAC: those of 20 bits are not rounded
 CORNER_PART = 1 / 32  # of the drive frequency: a half period is at most 0.2 of RC
 RATE_LIMIT_DEG_S = 1000.0
 
@@ -151,15 +151,15 @@ def _lags(p, valid):
     """averaged.Lags of a firmware whose converter's frame is valid at clock `valid` of a frame."""
     t, f, d = p.plant.tables, p.fpga, p.fpga.design
     drive_clock, sense_clock = dac_clocks(f)
-    dac_ticks = _dac_delay_ticks(f)
+    dac_delay_ticks = _dac_delay_ticks(f)
     # the first tick whose product takes the words of this window
     changed = next(k for k in range(d.frame_ticks) if d.tick_clocks * k - 1 - valid > SLOT_PI)
     code, change = [], []
-    for load_ticks, clock, carry in (
-        (f.drive_modulator.frames + dac_ticks[0], drive_clock, t.drive_carry[0]),
-        (f.sense_modulator.frames + dac_ticks[1], sense_clock, t.sense_carry[0]),
+    for code_delay_ticks, clock, carry in (
+        (f.drive_modulator.frames + dac_delay_ticks[0], drive_clock, t.drive_carry[0]),
+        (f.sense_modulator.frames + dac_delay_ticks[1], sense_clock, t.sense_carry[0]),
     ):
-        output_ticks = load_ticks + int(carry[clock])
+        output_ticks = code_delay_ticks + int(carry[clock])
         code.append((SINE_CLOCKS + f.pipe.depth) / d.tick_clocks + output_ticks)
         change.append(changed + output_ticks + clock / d.tick_clocks)
     turn = (valid + SLOT_WORD + 1) / d.tick_clocks
@@ -207,14 +207,14 @@ def setup(p):
     rc_ticks = float(t.sid_rc_s[0]) / tick_s
     sid = _demodulators(p, word0, turns_per_tick / tick_s, middle, spread)
     # re-timed edges wait half a tick in the mean
-    edge_delay = sid.delay + sid.switch + (d.tick_clocks - 1) / 2 * sid.retimed
+    edge_lag_clocks = sid.delay + sid.switch + (d.tick_clocks - 1) / 2 * sid.retimed
     # chords of the sine's table make its amplitude smaller by step^2 / 12
     table_gain = 1.0 - (math.pi / 2 / (1 << d.sine_address_bits)) ** 2 / 12
     drive, sense = (
         part.lsb_v * sine.OUT.for_design(d).hi * table_gain / 2.0**modulator.shift
         for part, modulator in ((p.plant.drive_dac, f.drive_modulator), (p.plant.sense_dac, f.sense_modulator))
     )
-    drive_clocks, sense_clocks = (
+    drive_delay_clocks, sense_delay_clocks = (
         d.tick_clocks * (1 + modulator.frames + ticks) + SINE_CLOCKS + f.pipe.depth
         for modulator, ticks in zip((f.drive_modulator, f.sense_modulator), _dac_delay_ticks(f))
     )
@@ -230,14 +230,14 @@ def setup(p):
         drive,
         p.plant.drive_dac.lsb_v,
         sense,
-        p.plant.sense_dac.lsb_v if f.sense_modulator.hi < ROUNDING_LIMIT else 0.0,
+        p.plant.sense_dac.lsb_v if f.sense_modulator.hi < LEAST_UNROUNDED_CODE else 0.0,
         rc_ticks,
         rc_ticks / d.frame_ticks,
         tick_s / d.tick_clocks,
-        drive_clocks,
-        sense_clocks,
+        drive_delay_clocks,
+        sense_delay_clocks,
         averaged_laws.design(
-            p.plant.effects, p.plant.laws, averaged_laws.reference_turns(edge_delay, word0), d.tick_clocks * word0
+            p.plant.effects, p.plant.laws, averaged_laws.reference_turns(edge_lag_clocks, word0), d.tick_clocks * word0
         ),
         round(d.tick_clocks * changes[0]) - turn,
         (math.cos(later), math.sin(later)),

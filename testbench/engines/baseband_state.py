@@ -107,7 +107,7 @@ def rate_volts(u, c):
     """Amplitude (V) of what the sense DAC puts out, with the sign of the rate word; control.State."""
     volts = c.rate_loop.loop.y * u.sense_volts
     if u.sense_lsb_v > 0.0:
-        volts = math.copysign(averaged_codes.rounded_fundamental(abs(volts), u.sense_lsb_v), volts)
+        volts = math.copysign(averaged_codes.rounded_sine_fundamental(abs(volts), u.sense_lsb_v), volts)
     return volts
 
 
@@ -129,20 +129,20 @@ def take_state(p, u, b, g, a, tick):
     now[NOW_TEMP] = np.inf
     for k in range(8):
         m[k] = 0.0
-    averaged_modes.set_tables(
+    averaged_modes.compute_frame_tables(
         u.knots, p.plant.temp_lo_degc, p.plant.temp_step_k, now, a.now[plant.NOW_RATE], stiffness, a.now[plant.NOW_TEMP]
     )
     bank, design = g.s.bank, p.fpga.design
     ref_drive, ref_sense = widen_word(design, bank.phase_drive_ref), widen_word(design, bank.phase_sense_ref)
     averaged_sid.bases(ref_drive, ref_sense, b.base)
     amplitude = control.amplitude(p.fpga.control, g.s.control)
-    volts = averaged_codes.rounded_fundamental(amplitude * u.drive_volts, u.drive_lsb_v)
+    volts = averaged_codes.rounded_sine_fundamental(amplitude * u.drive_volts, u.drive_lsb_v)
     m[F], m[F + 1] = turned_force(volts, widen_word(design, bank.phase_drive_sine))
     sense_volts = rate_volts(u, g.s.control)
     m[F + 2], m[F + 3] = turned_force(sense_volts, widen_word(design, bank.phase_sense_sine))
     phase = widen_word(design, phase_at(g.s.turn, design.tick_clocks * tick))
     cos, sin = unit(phase)
-    averaged_modes.project_modes(now, m, cos, sin, a.z[6], a.z[7], a.z[8], a.z[9])
+    averaged_modes.project_slow_amplitudes(now, m, cos, sin, a.z[6], a.z[7], a.z[8], a.z[9])
     word = widen_word(design, g.s.turn.word)
     delta = (word - u.word0) * u.rad_per_word
     poles = poles_at(u, word)
@@ -171,7 +171,7 @@ def take_state(p, u, b, g, a, tick):
         # an edge that the phase has made but the switch has not followed yet
         offset = (ref_sense if c else ref_drive) + ((HALF >> 1) if d & 1 else 0)
         phase_past_edge = (phase + offset) & HALF_MASK
-        t = lane(averaged_sid.switch_clock(u.sid, splat4(-float(phase_past_edge // word))), 0)
+        t = lane(averaged_sid.switching_clock(u.sid, splat4(-float(phase_past_edge // word))), 0)
         q[4 * WAITING + d] = t if t >= 0.0 else -1.0
         q[4 * PAST + d] = t * word + phase_past_edge
 

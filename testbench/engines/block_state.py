@@ -53,7 +53,7 @@ class BlockState(NamedTuple):
 
 
 @inner
-def load_control(p, f, chips, tick, drdy_cycle):
+def load_block_state(p, f, chips, tick, drdy_cycle):
     """What a quiet firmware carries."""
     d = p.design
     quadrature = chips.quadrature.code if tick % d.frame_ticks == 0 else f.control.quadrature_loop.root.y
@@ -116,11 +116,11 @@ def quiet_margin_clocks(d):
 @inner
 def last_quiet(d, end, ready):
     """The last tick before `end` at which the firmware is quiet and has been for FLUSH ticks; DRDY falls at `ready`."""
-    read_ticks, window_ticks = busy_ticks(d)
+    read_ticks, window_busy_ticks = busy_ticks(d)
     for _ in range(2):
         if d.tick_clocks * (end - read_ticks + 1) <= ready < d.tick_clocks * end:
             end = ready // d.tick_clocks
-        if 0 < end % d.frame_ticks < window_ticks:
+        if 0 < end % d.frame_ticks < window_busy_ticks:
             end = end - end % d.frame_ticks
     return end
 
@@ -156,7 +156,7 @@ def codes_at(p, g, tick):
 
 
 @inner
-def _quadrature_code(p, s, tick, window_ticks, n):
+def _end_quadrature(p, s, tick, window_ticks, n):
     """Code of V_q's DAC at the frame's end, after ticks `window_ticks` .. `n` - 1 of a block outside of a window."""
     first = tick % p.design.frame_ticks  # a block ends with the frame
     # the low bits of a tick in which V_q is sent are all ones
@@ -240,7 +240,7 @@ def words_of_ticks(p, rom, g, s, sid, window_ticks, faults, tick, n, drive_codes
             b.rate[k] = rate
             b.control_load[HISTORY + k] = init
     s = s._replace(
-        dog=_age_watchdog(p.watchdog, s.dog, n - window_ticks), quadrature=_quadrature_code(p, s, tick, window_ticks, n)
+        dog=_age_watchdog(p.watchdog, s.dog, n - window_ticks), quadrature=_end_quadrature(p, s, tick, window_ticks, n)
     )
     pins.dac_codes(p, rom, s.bank, s.turn, tick, n, b)
     mixed = window_ticks > 0 or init == 1

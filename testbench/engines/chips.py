@@ -86,7 +86,7 @@ def _role_chip(design, role, bits):
     return chip._replace(master=chip.master._replace(gap=getattr(design, f"{role}_dac_divider") - 1))
 
 
-def design_chips(design):
+def dac_chips(design):
     """`Chips` of a [design] section."""
     bits = Chips(design.drive_dac_bits, design.sense_dac_bits, QUADRATURE_BITS)
     return Chips(*(_role_chip(design, role, n) for role, n in bits._asdict().items()))

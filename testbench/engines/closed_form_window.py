@@ -87,11 +87,11 @@ def close_loops(d, p, s, i, bank):
     """
     if d.accumulator_fraction_bits == ACCUMULATOR_FRACTION:
         return _step_loops(d._replace(accumulator_fraction_bits=ACCUMULATOR_FRACTION), p, s, i, bank)
-    return _step_outlined(d, p, s, i, bank)
+    return _step_loops_outlined(d, p, s, i, bank)
 
 
 @outlined
-def _step_outlined(d, p, s, i, bank):
+def _step_loops_outlined(d, p, s, i, bank):
     return _step_loops(d, p, s, i, bank)
 
 

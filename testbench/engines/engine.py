@@ -225,12 +225,12 @@ def _sent(faults, k, clock, before):
 @inner
 def _lost_bit_code(word_bits, lost_bit, k, code, following):
     """Code of channel `k` if the frame has lost a bit: those behind it come one early, then one of `following`."""
-    remaining_bits, spare = min(word_bits * (k + 2) - lost_bit, word_bits), WORD_BITS - word_bits
-    if lost_bit == 0 or remaining_bits <= 0:
+    unshifted_bits, spare = min(word_bits * (k + 2) - lost_bit, word_bits), WORD_BITS - word_bits
+    if lost_bit == 0 or unshifted_bits <= 0:
         return code
     word = code >> spare
-    shifted = ((word << 1) | ((following >> (WORD_BITS - 1)) & 1)) & ((1 << remaining_bits) - 1)
-    return wrap((((word >> remaining_bits) << remaining_bits) | shifted) << spare, WORD_BITS)
+    shifted_low_bits = ((word << 1) | ((following >> (WORD_BITS - 1)) & 1)) & ((1 << unshifted_bits) - 1)
+    return wrap((((word >> unshifted_bits) << unshifted_bits) | shifted_low_bits) << spare, WORD_BITS)
 
 
 @outlined
@@ -459,11 +459,11 @@ def run_ticks(p, f, chips, a, chunk, first, end, drdy_cycle, closed):
         if not closed:
             continue
         before_drive, before_sense = a.volts[0], a.volts[1]
-        tick_end = end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)
-        drdy_cycle = tick_end[0]
+        tick_outputs = end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)
+        drdy_cycle = tick_outputs[0]
         if probed:
-            o.probe_ints[k, 2] = tick_end[1]
-            o.probe_ints[k, 3] = tick_end[2]
+            o.probe_ints[k, 2] = tick_outputs[1]
+            o.probe_ints[k, 3] = tick_outputs[2]
             o.probe_floats[k, 11] = a.volts[0] - before_drive
             o.probe_floats[k, 13] = a.volts[1] - before_sense
     return f, chips, drdy_cycle

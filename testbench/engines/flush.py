@@ -73,5 +73,5 @@ class Arrival(NamedTuple):
 @inner
 def arrive(p, f, chips, x):
     """1 when the flushed firmware is where the blocks are."""
-    dds_matches = f.dds.phase == x.phase and references.pins(p.references, f.references) == x.refs
-    return dds_matches and chips.drive.code == x.drive_code and chips.sense.code == x.sense_code
+    phase_pins_equal = f.dds.phase == x.phase and references.pins(p.references, f.references) == x.refs
+    return phase_pins_equal and chips.drive.code == x.drive_code and chips.sense.code == x.sense_code

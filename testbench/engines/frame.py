@@ -31,7 +31,7 @@ from testbench.engines.block_state import (
     demodulate,
     history,
     last_quiet,
-    load_control,
+    load_block_state,
     ready_clock,
     ticks_to_event,
 )
@@ -84,7 +84,7 @@ def _frame(p, a, chunk, tick, g):
 
 
 @outlined
-def _sample_block(d, p, a, faults, count, n, refs, b):
+def _sample_demodulator_inputs(d, p, a, faults, count, n, refs, b):
     """Samples and reference pins of the block's ticks, for the FPGA's own demodulator. Mutates `a` and `b`."""
     w = a.work.w
     x, y, drive = linear.CX3 * linear.STRIDE, linear.CY3 * linear.STRIDE, linear.D3 * linear.STRIDE
@@ -97,8 +97,8 @@ def _sample_block(d, p, a, faults, count, n, refs, b):
         b.refs[t] = refs
         v = w[drive + t]
         noise_x, noise_y = plant.aperture_noise(p, a.work, t, v)
-        b.sar[0, t + 1] = engine.faulted_sample(faults, 0, plant.quantize_sample(p, w[x + t] + noise_x), b.sar[0, t])
-        b.sar[1, t + 1] = engine.faulted_sample(faults, 1, plant.quantize_sample(p, w[y + t] + noise_y), b.sar[1, t])
+        b.sar[0, t + 1] = engine.faulted_sample(faults, 0, plant.quantize_sar(p, w[x + t] + noise_x), b.sar[0, t])
+        b.sar[1, t + 1] = engine.faulted_sample(faults, 1, plant.quantize_sar(p, w[y + t] + noise_y), b.sar[1, t])
     a.sar[0], a.sar[1] = b.sar[0, n], b.sar[1, n]
 
 
@@ -165,7 +165,7 @@ def advance_blocks(p, a, chunk, g, tick, end, limit, b):
         o.peak_x[0] = max(o.peak_x[0], linear.largest(a.work.w, n, linear.X))
         sid = g.sid
         if p.fpga.digital:
-            _sample_block(d, p.plant, a, faults, count, n, refs, b)
+            _sample_demodulator_inputs(d, p.plant, a, faults, count, n, refs, b)
             sid = demodulate(p.fpga, sid, tick, 1 if tick % d.frame_ticks == 0 else 0, n, b)
         g = after_ticks(d, g, faults, a.adc.clock, tick, until, fell, sid)
         tick = until
@@ -180,7 +180,7 @@ def begin_blocks(p, f, chips, a, faults, tick, drdy_cycle, b):
         a.z[plant.X] = np.nan
     if faults.nan[1]:
         a.z[plant.Y] = np.nan
-    return load_control(p.fpga, f, chips, tick, drdy_cycle)
+    return load_block_state(p.fpga, f, chips, tick, drdy_cycle)
 
 
 @hot
@@ -188,11 +188,11 @@ def run_blocks(p, f, chips, a, chunk, tick, end, drdy_cycle, b):
     """From a quiet `tick` to the last quiet one before `end`. Mutates `a` and the streams."""
     g = begin_blocks(p, f, chips, a, chunk.faults, tick, drdy_cycle, b)
     g, tick = advance_blocks(p, a, chunk, g, tick, end, end, b)
-    return store_control(p.fpga.design, f, chips, g, tick, chunk.faults.status)
+    return build_arrival(p.fpga.design, f, chips, g, tick, chunk.faults.status)
 
 
 @inner
-def store_control(d, f, chips, g, tick, status):
+def build_arrival(d, f, chips, g, tick, status):
     """Where blocks end: firmware and chips FLUSH ticks before `tick`, and what they must have come to by then."""
     status = status & CHANNEL_MASK
     phase = phase_at(g.s.turn, d.tick_clocks * tick)

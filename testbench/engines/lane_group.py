@@ -34,11 +34,11 @@ from testbench.engines.block_state import (
     await_frame,
     codes_at,
     history,
-    load_control,
+    load_block_state,
     ticks_to_event,
     words_of_ticks,
 )
-from testbench.engines.frame import enter_block_mode, exit_block_mode, store_control
+from testbench.engines.frame import build_arrival, enter_block_mode, exit_block_mode
 from testbench.engines.turn import Turn
 from testbench.engines.window import HISTORY, Window
 from testbench.flatten import leaves
@@ -47,7 +47,7 @@ from testbench.flatten import store as store_row
 FAR = np.int64(1 << 62)
 DRIVE, SENSE = plant.DRIVE, plant.SENSE
 RATE, STIFFNESS, TEMP = range(3)
-MOVING_COUNT = len(MOVING)
+MOVING_ENTRY_COUNT = len(MOVING)
 COLUMNS, TRUTHS = len(engine.FRAME_COLUMNS), len(engine.TRUTH_COLUMNS)
 
 
@@ -99,7 +99,7 @@ ROOM = linear.BLOCK + HISTORY
 class Group(NamedTuple):
     """Eight gyroscopes in arrays, most of them with a first axis of eight; behind those of their plants."""
 
-    jet: doubles(propagator.JETS * MOVING_COUNT * LANES)  # jets at each one's temperature, lanes side by side
+    jet: doubles(propagator.JETS * MOVING_ENTRY_COUNT * LANES)  # jets at each one's temperature, lanes side by side
     now: doubles(3 * LANES)  # rate, stiffness, temperature that the matrix was made for, lanes side by side
     block_states: int64s(LANES, BLOCK_STATE_COUNT)  # rows of BlockState
     faults: int64s(LANES, sum(1 for _ in leaves(FAULTS)))  # rows of engine.Faults
@@ -138,7 +138,7 @@ def _buffers(q, v, k):
 
 
 @outlined
-def _blend_plant(c, floats, ints, p, k, temp_degc):
+def _interpolate_plant(c, floats, ints, p, k, temp_degc):
     """Jets and fixed entries of one plant at a temperature. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     index, weight = 0, 0.0
@@ -146,9 +146,9 @@ def _blend_plant(c, floats, ints, p, k, temp_degc):
         index, weight = propagator.locate(p.temp_lo_degc, p.temp_step_k, p.temp_count, temp_degc)
     after = min(index + 1, p.temp_count - 1)
     for j in range(propagator.JETS):
-        for e in range(MOVING_COUNT):
+        for e in range(MOVING_ENTRY_COUNT):
             a = c.moving[k, index, j, e]
-            q.jet[(j * MOVING_COUNT + e) * LANES + k] = a + weight * (c.moving[k, after, j, e] - a)
+            q.jet[(j * MOVING_ENTRY_COUNT + e) * LANES + k] = a + weight * (c.moving[k, after, j, e] - a)
     for e in range(STILL):
         a = c.still[k, index, e]
         v.g[e * LANES + k] = a + weight * (c.still[k, after, e] - a)
@@ -157,21 +157,21 @@ def _blend_plant(c, floats, ints, p, k, temp_degc):
 
 
 @inlined
-def _tune_plant(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
+def _retune_plant(c, floats, ints, p, k, rate_rad_s, quad_code, temp_degc):
     """Rate, coupling and temperature of one plant's next frame; 1 if its matrix changes. Mutates both arrays."""
     q = opened(floats, ints)
     volts = quad_code * p.quad_lsb_v
-    kq = plant.blend_scalar(p, c.knots[k, :, 1], temp_degc)
-    stiffness = plant.blend_scalar(p, c.knots[k, :, 2], temp_degc) - kq * (volts * volts)
+    kq = plant.interpolate_scalar(p, c.knots[k, :, 1], temp_degc)
+    stiffness = plant.interpolate_scalar(p, c.knots[k, :, 2], temp_degc) - kq * (volts * volts)
     temp_changed = q.now[TEMP * LANES + k] != temp_degc
-    unchanged = q.now[RATE * LANES + k] == rate_rad_s and q.now[STIFFNESS * LANES + k] == stiffness
-    if not temp_changed and unchanged:
+    motion_unchanged = q.now[RATE * LANES + k] == rate_rad_s and q.now[STIFFNESS * LANES + k] == stiffness
+    if not temp_changed and motion_unchanged:
         return 0
     q.now[RATE * LANES + k] = rate_rad_s
     q.now[STIFFNESS * LANES + k] = stiffness
     q.now[TEMP * LANES + k] = temp_degc
     if temp_changed:
-        _blend_plant(c, floats, ints, p, k, temp_degc)
+        _interpolate_plant(c, floats, ints, p, k, temp_degc)
     return 1
 
 
@@ -180,13 +180,13 @@ def _combine_matrices(floats, ints):
     """The moving entries of all eight matrices, as `propagator.combine`. Mutates them."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     o, s = load(q.now, RATE * LANES), load(q.now, STIFFNESS * LANES)
-    size = MOVING_COUNT * LANES
-    for e in range(MOVING_COUNT):
+    size = MOVING_ENTRY_COUNT * LANES
+    for e in range(MOVING_ENTRY_COUNT):
         at = e * LANES
         small = (s * s) * load(q.jet, at + 5 * size) + (o * s) * load(q.jet, at + 4 * size)
         small = small + (o * o) * load(q.jet, at + 3 * size)
-        entry = load(q.jet, at) + (o * load(q.jet, at + size) + (s * load(q.jet, at + 2 * size) + small))
-        store(v.g, side_by_side.AT_MODES + at, entry)
+        matrix_entry = load(q.jet, at) + (o * load(q.jet, at + size) + (s * load(q.jet, at + 2 * size) + small))
+        store(v.g, side_by_side.AT_MODES + at, matrix_entry)
 
 
 @outlined
@@ -211,7 +211,7 @@ def _begin_frame(part, parts_i, parts_f, floats, ints, c, k, tick):
     n = tick // c.frame_ticks - c.begin // c.frame_ticks
     rate_rad_s, temp_degc = c.rate_rad_s[k, n], c.temp_degc[k, n]
     v_q = faults.dac_code[2] if faults.dac[2] else g.s.quadrature
-    changed = _tune_plant(c, floats, ints, p, k, rate_rad_s, v_q, temp_degc)
+    changed = _retune_plant(c, floats, ints, p, k, rate_rad_s, v_q, temp_degc)
     row = n if c.begin % c.frame_ticks == 0 else n - 1
     if row < c.rows[k]:
         z = q.z[k]
@@ -253,11 +253,11 @@ def _store_dac_codes(v, q, k, which, part, carry, codes, n):
 
 
 @outlined
-def _load_registers(part, parts_i, parts_f, floats, ints, c, k):
+def _load_lane_state(part, parts_i, parts_f, floats, ints, c, k):
     """A gyroscope enters: its matrix, linear states and capacitors into the registers of eight. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     side_by_side_adc.enter(side_by_side_adc.opened(floats, ints), k)
-    _blend_plant(c, floats, ints, unpack_record(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
+    _interpolate_plant(c, floats, ints, unpack_record(part, parts_i[k], parts_f[k]), k, q.now[TEMP * LANES + k])
     v.peak[k] = 0.0
     for which in range(2):
         v.late_area[which * LANES + k] = q.late_area[k, which]
@@ -274,8 +274,8 @@ def _load_registers(part, parts_i, parts_f, floats, ints, c, k):
 
 
 @outlined
-def _unload_registers(floats, ints, k):
-    """A gyroscope leaves: the reverse of `_load_registers`. Mutates both arrays."""
+def _unload_lane_state(floats, ints, k):
+    """A gyroscope leaves: the reverse of `_load_lane_state`. Mutates both arrays."""
     v, q = side_by_side.opened(floats, ints), opened(floats, ints)
     for i in range(plant.STATES):
         q.z[k, i] = v.z[i * LANES + k]
@@ -285,7 +285,7 @@ def _unload_registers(floats, ints, k):
             at = (3 * d + i) * LANES + k
             q.caps[k, d, i if ref else 3 + i] = v.on[at]
             q.caps[k, d, 3 + i if ref else i] = v.off[at]
-    side_by_side_adc.store_sums(side_by_side_adc.opened(floats, ints), k)
+    side_by_side_adc.unpack_lane_sums(side_by_side_adc.opened(floats, ints), k)
     q.late_area[k, DRIVE] = v.late_area[k]
     q.late_area[k, SENSE] = v.late_area[LANES + k]
 
@@ -305,11 +305,11 @@ def _nearest(part, parts_i, parts_f, floats, ints, tick):
             p = unpack_record(part, parts_i[k], parts_f[k])
             g = unpack_record(BLOCK_STATE, q.block_states[k], parts_f[k])
             faults = unpack_record(FAULTS, q.faults[k], parts_f[k])
-            event_tick = ticks_to_event(p.fpga.design, p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
-            if event_tick == tick:
+            lane_event_tick = ticks_to_event(p.fpga.design, p.adc, a.clock[k], faults.silent, g, tick, q.ends[k])
+            if lane_event_tick == tick:
                 q.exit_tick[k] = tick
             else:
-                until = min(until, event_tick)
+                until = min(until, lane_event_tick)
     return until
 
 
@@ -357,8 +357,8 @@ def _run_converters(part, parts_i, parts_f, floats, ints, n):
     else:
         for k in range(LANES):
             if v.active[k]:
-                side_by_side_adc.gather_outputs(a, v.out, k, n)
-                side_by_side_adc.store_sums(a, k)
+                side_by_side_adc.gather_plant_outputs(a, v.out, k, n)
+                side_by_side_adc.unpack_lane_sums(a, k)
                 p = unpack_record(part, parts_i[k], parts_f[k]).adc
                 a.fell[k] = adc.convert_block(p, a.clock[k], a.lane_sums[k], a.row, n, a.sensor_v[k])
                 side_by_side_adc.enter(a, k)
@@ -405,7 +405,7 @@ def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
         changed = 0
         for k in range(LANES):
             if q.entered[k] == tick and q.exit_tick[k] < 0:
-                _load_registers(part, parts_i, parts_f, floats, ints, c, k)
+                _load_lane_state(part, parts_i, parts_f, floats, ints, c, k)
                 changed += 1
         until = _nearest(part, parts_i, parts_f, floats, ints, tick)
         n, busy = until - tick, 0
@@ -418,7 +418,7 @@ def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
                 _advance_lane_control(part, parts_i, parts_f, floats, ints, k, tick, n)
                 busy += 1
             elif q.exit_tick[k] == tick and q.entered[k] < tick:
-                _unload_registers(floats, ints, k)
+                _unload_lane_state(floats, ints, k)
                 c.peak_x[k] = v.peak[k]
         for k in range(LANES):
             if v.active[k]:
@@ -442,7 +442,7 @@ def enter_lane(p, f, chips, a, chunk, end, drdy_cycle, row, b):
     """Clocked ticks up to the blocks; what is carried from there goes into `row`, the last codes into `b`."""
     f, chips, drdy_cycle, tick = enter_block_mode(p, f, chips, a, chunk, end, drdy_cycle)
     if tick < end:
-        store_row(row, load_control(p.fpga, f, chips, tick, drdy_cycle))
+        store_row(row, load_block_state(p.fpga, f, chips, tick, drdy_cycle))
         history(f, b)
     return f, chips, drdy_cycle, tick
 
@@ -452,4 +452,4 @@ def leave_lane(p, f, chips, a, chunk, end, row, tick, now):
     """From the end of the blocks to that of the chunk. `now`: rate, stiffness and temperature of the present frame."""
     plant.tune(p.plant, a, now[RATE], now[STIFFNESS], now[TEMP])
     g = unpack_record(BLOCK_STATE, row, now)
-    return exit_block_mode(p, store_control(p.fpga.design, f, chips, g, tick, chunk.faults.status), a, chunk, end)
+    return exit_block_mode(p, build_arrival(p.fpga.design, f, chips, g, tick, chunk.faults.status), a, chunk, end)

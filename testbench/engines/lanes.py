@@ -147,8 +147,8 @@ class Engine:
     @property
     def nbytes(self):
         """Bytes of all arrays."""
-        arrays = (self.floats, self.ints, self.parts_i, self.parts_f, *self.tables)
-        return sum(array.nbytes for array in arrays)
+        group_arrays = (self.floats, self.ints, self.parts_i, self.parts_f, *self.tables)
+        return sum(array.nbytes for array in group_arrays)
 
     def _constants(self, k, p):
         v, n = self.v, p.noise
@@ -206,7 +206,7 @@ class Engine:
             begun.append((f, chips, drdy_cycle))
             if tick < end:
                 q.entered[k], q.exit_tick[k] = tick, -1
-                self._load_plant(k, s.plant, faults[k])
+                self._load_plant_state(k, s.plant, faults[k])
         count = len(states)
         group_chunk = GroupChunk(
             begin,
@@ -225,7 +225,7 @@ class Engine:
             f, chips, drdy_cycle = begun[k]
             a, failed = states[k].plant, 0
             if q.entered[k] < end:
-                self._unload_plant(k, a)
+                self._unload_plant_state(k, a)
                 streams[k].peak_x[0] = max(streams[k].peak_x[0], group_chunk.peak_x[k])
                 now = q.now.reshape(3, LANES)[:, k].copy()
                 f, chips, drdy_cycle, failed = leave_lane(
@@ -237,10 +237,10 @@ class Engine:
         return after
 
     def _buffers(self, k):
-        arrays = self.q._asdict() | {"edges": self.v.edges}
-        return pins.Buffers(*(arrays[name][k] for name in pins.Buffers._fields))
+        array_by_name = self.q._asdict() | {"edges": self.v.edges}
+        return pins.Buffers(*(array_by_name[name][k] for name in pins.Buffers._fields))
 
-    def _load_plant(self, k, a, faults):
+    def _load_plant_state(self, k, a, faults):
         """A plant's state into the group."""
         v, q, p = self.v, self.q, self.params[k].plant
         q.z[k], q.caps[k], q.late_area[k] = a.z, a.caps, a.late_area
@@ -251,9 +251,9 @@ class Engine:
         self.a.clock[k], self.a.lane_sums[k] = a.adc.clock, a.adc.sums
         q.now.reshape(3, LANES)[:, k] = a.now[:3]
         for which, part in enumerate((p.drive_dac, p.sense_dac)):
-            q.acting[k, which] = (_dac_code(part, a.volts[which]), a.codes[which])
+            q.acting[k, which] = (_dac_code_from_volts(part, a.volts[which]), a.codes[which])
 
-    def _unload_plant(self, k, a):
+    def _unload_plant_state(self, k, a):
         """A plant's state out of the group; its matrix is left to `lane_group.leave_lane`."""
         v, q, p = self.v, self.q, self.params[k].plant
         a.z[:], a.caps[:], a.late_area[:] = q.z[k], q.caps[k], q.late_area[k]
@@ -336,11 +336,11 @@ def _stack_lanes(items):
     return np.stack([np.ascontiguousarray(item) for item in items] + [items[0]] * (LANES - len(items)))
 
 
-def _dac_code(part, volts):
+def _dac_code_from_volts(part, volts):
     """The code of an output voltage."""
-    centre = round((volts - part.offset_v) / part.lsb_v)
+    nominal_code = round((volts - part.offset_v) / part.lsb_v)
     reach = 1 + int(abs(part.bow) * part.full_code)
-    for code in range(centre - reach, centre + reach + 1):
+    for code in range(nominal_code - reach, nominal_code + reach + 1):
         if dac.volts(part, code) == volts:
             return code
     raise RuntimeError(f"lanes: {volts} V is the output of no DAC code")

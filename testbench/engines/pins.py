@@ -47,9 +47,9 @@ def reference_edges(d, p, turn, bank, first, end, refs, b):
     delay, clocks = REFERENCE_CLOCKS + p.align, d.tick_clocks
     retimed = p.retimed
     # what the pins show before the first edge is the phase `delay` clocks before, or before the tick's first edge
-    phase_clock = clocks * (first - 1 if retimed else first) - delay
-    at_drive = next_quarter(turn, bank.phase_drive_ref, phase_clock)
-    at_sense = next_quarter(turn, bank.phase_sense_ref, phase_clock)
+    first_phase_clock = clocks * (first - 1 if retimed else first) - delay
+    at_drive = next_quarter(turn, bank.phase_drive_ref, first_phase_clock)
+    at_sense = next_quarter(turn, bank.phase_sense_ref, first_phase_clock)
     count = 0
     base, limit = clocks * first, clocks * end
     while True:
@@ -64,13 +64,13 @@ def reference_edges(d, p, turn, bank, first, end, refs, b):
             return count, refs
         quarter = wrap_unsigned(phase_at(turn, at) + offset, turn.bits) >> (turn.bits - 2)
         which = 2 * sense + (quarter & 1)
-        row = count
+        edge_row = count
         if count > 0 and b.edges[count - 1, 0] == edge - base and b.edges[count - 1, 1] > which:
             # on one clock, in the order of the pins
             b.edges[count, 0], b.edges[count, 1] = b.edges[count - 1, 0], b.edges[count - 1, 1]
-            row = count - 1
-        b.edges[row, 0] = edge - base
-        b.edges[row, 1] = which
+            edge_row = count - 1
+        b.edges[edge_row, 0] = edge - base
+        b.edges[edge_row, 1] = which
         count += 1
         refs = refs ^ (1 << which)
         following = next_quarter(turn, offset, at)

@@ -88,21 +88,21 @@ def change_word(turn, clock, word):
 @inner
 def _crossing(turn, offset, clock, word):
     """First clock after `clock` that would see another quarter turn at this word."""
-    remaining = (1 << (turn.bits - 2)) - wrap_unsigned(phase_at(turn, clock) + offset, turn.bits - 2)
-    return clock + (remaining + word - 1) // word
+    remaining_phase = (1 << (turn.bits - 2)) - wrap_unsigned(phase_at(turn, clock) + offset, turn.bits - 2)
+    return clock + (remaining_phase + word - 1) // word
 
 
 @inner
 def next_quarter(turn, offset, clock):
     """First clock after `clock` before which the phase plus `offset` has entered another quarter turn."""
     if clock < turn.since:
-        crossing = _crossing(turn, offset, clock, turn.oldest)
-        if crossing <= turn.since:
-            return crossing
+        crossing_clock = _crossing(turn, offset, clock, turn.oldest)
+        if crossing_clock <= turn.since:
+            return crossing_clock
         clock = turn.since
     if clock < turn.clock:
-        crossing = _crossing(turn, offset, clock, turn.old)
-        if crossing <= turn.clock:
-            return crossing
+        crossing_clock = _crossing(turn, offset, clock, turn.old)
+        if crossing_clock <= turn.clock:
+            return crossing_clock
         clock = turn.clock
     return _crossing(turn, offset, clock, turn.word)

@@ -57,7 +57,7 @@ def valid_clocks(d):
 @inlined
 def first_channel_clocks(d):
     """Clocks from the one in which DRDY falls to the one that sees the first channel."""
-    return 1 + spi_adc.DRDY_CLOCKS + 2 * spi_adc.word_clocks(d)
+    return 1 + spi_adc.DRDY_TO_CS_CLOCKS + 2 * spi_adc.word_clocks(d)
 
 
 @inner

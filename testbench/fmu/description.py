@@ -78,8 +78,8 @@ def _structure_3(variables):
 
 def _structure_2(variables):
     slots = [v for v in variables for _ in range(v.size)]
-    entries = [f'<Unknown index="{n}" dependencies=""/>' for n, v in enumerate(slots, 1) if v.causality == OUTPUT]
-    return ["<Outputs>", *entries, "</Outputs>", "<InitialUnknowns>", *entries, "</InitialUnknowns>"]
+    xml_entries = [f'<Unknown index="{n}" dependencies=""/>' for n, v in enumerate(slots, 1) if v.causality == OUTPUT]
+    return ["<Outputs>", *xml_entries, "</Outputs>", "<InitialUnknowns>", *xml_entries, "</InitialUnknowns>"]
 
 
 def model(version, name, text, token, variables, sources, tick_hz):

@@ -74,10 +74,10 @@ class Unit:
         self.name, self.version, self.fmu_variables, self.tick_hz = name, version, fmu_variables, tick_hz
         self.sources = sources | _templates(*COMMON, f"fmi{digits}.c", f"fmi{digits}.h")
         self.resources = resources
-        digest = hashlib.sha256(repr((name, version, fmu_variables, tick_hz)).encode())
+        token_hash = hashlib.sha256(repr((name, version, fmu_variables, tick_hz)).encode())
         for key, content in sorted((*self.sources.items(), *resources.items())):
-            digest.update(key.encode() + b"\0" + (content.encode() if isinstance(content, str) else content))
-        self.token = f"{{{digest.hexdigest()}}}"
+            token_hash.update(key.encode() + b"\0" + (content.encode() if isinstance(content, str) else content))
+        self.token = f"{{{token_hash.hexdigest()}}}"
         self.sources["variables.h"] = variables.header(fmu_variables, self.token, tick_hz)
 
     @property
@@ -126,7 +126,7 @@ def units(config, version="3.0"):
     lo, hi = min(lo, timeline.temp_before_degc), max(hi, timeline.temp_before_degc)
     sim = Simulation(config, lo, hi, engine="clocked")
     tick_hz = config.design_record().tick_hz
-    constants = plant_words.words(config, sim.params.plant, lo, hi)
+    plant_constants = plant_words.words(config, sim.params.plant, lo, hi)
     start = firmware_source.power_on_codes(config)
     return (
         Unit(
@@ -142,7 +142,7 @@ def units(config, version="3.0"):
             version,
             variables.plant(start, lo, float(config.effects.acceleration)),
             _templates(*PLANT),
-            {"plant.bin": plant_words.binary(constants)},
+            {"plant.bin": plant_words.binary(plant_constants)},
             tick_hz,
         ),
     )

@@ -61,5 +61,5 @@ def source_texts(params, state, first_writes):
 
 def power_on_codes(config):
     """{name of an input of the plant: code of the DAC at power-on}."""
-    roles = chips.parts(chips.design_chips(config.design))._asdict()
+    roles = chips.parts(chips.dac_chips(config.design))._asdict()
     return {f"{role}_code": dac_serial.reset(part).code for role, part in roles.items()}

@@ -66,35 +66,35 @@ def words(config, p, temp_lo_degc, temp_hi_degc):
     """Integers and floats of a plant (`plant.Params`) at power-on, for temperatures lo .. hi (degC)."""
     t, d, n = p.tables, p.sid, p.noise
     clocks = p.switch_tau_s.shape[1]
-    codes = [dac_serial.reset(part).code for part in chips.parts(chips.design_chips(config.design))]
+    codes = [dac_serial.reset(part).code for part in chips.parts(chips.dac_chips(config.design))]
     s = plant.reset(p, codes[0], codes[1], temp_lo_degc)
-    constants = [p.temp_lo_degc, p.temp_step_k, float(temp_lo_degc), float(temp_hi_degc)]
-    constants += [int(c) for c in (*t.drive_carry[0], *t.sense_carry[0], *p.switch_carry.ravel())]
-    constants += p.switch_tau_s.ravel().tolist()
-    constants += [p.quad_lsb_v, p.drive_dac.lsb_v, p.sense_dac.lsb_v, p.drive_dac.offset_v, p.sense_dac.offset_v]
-    constants += [float(p.slope_gain)]
-    constants += [p.adc.period, p.adc.delay, p.adc.decimation, p.adc.step_code, p.adc.code_hi]
-    constants += [p.adc.normal, float(p.adc.full_steps), *p.adc.offset_v, *p.adc.steps_per_v]
-    constants += [adc.SENSOR_V_AT_25_DEGC, adc.SENSOR_V_PER_K]
-    constants += [d.h_s, d.r, d.e1, d.e2, d.e3, d.s1, d.s2, d.s3, *d.inject.tolist()]
-    constants += np.moveaxis(d.taylor.reshape(4, sid.TERMS, 4), -1, 0)[: sid.STAGES].ravel().tolist()
+    plant_constants = [p.temp_lo_degc, p.temp_step_k, float(temp_lo_degc), float(temp_hi_degc)]
+    plant_constants += [int(c) for c in (*t.drive_carry[0], *t.sense_carry[0], *p.switch_carry.ravel())]
+    plant_constants += p.switch_tau_s.ravel().tolist()
+    plant_constants += [p.quad_lsb_v, p.drive_dac.lsb_v, p.sense_dac.lsb_v, p.drive_dac.offset_v, p.sense_dac.offset_v]
+    plant_constants += [float(p.slope_gain)]
+    plant_constants += [p.adc.period, p.adc.delay, p.adc.decimation, p.adc.step_code, p.adc.code_hi]
+    plant_constants += [p.adc.normal, float(p.adc.full_steps), *p.adc.offset_v, *p.adc.steps_per_v]
+    plant_constants += [adc.SENSOR_V_AT_25_DEGC, adc.SENSOR_V_PER_K]
+    plant_constants += [d.h_s, d.r, d.e1, d.e2, d.e3, d.s1, d.s2, d.s3, *d.inject.tolist()]
+    plant_constants += np.moveaxis(d.taylor.reshape(4, sid.TERMS, 4), -1, 0)[: sid.STAGES].ravel().tolist()
     sources = (n.force_x, n.force_y, n.cv_x, n.cv_y, n.drive_dac, n.sense_dac, n.edge_jitter, *p.adc.white)
-    constants += [word for item in (*sources, *p.adc.flicker) for word in _source(item)]
-    constants += map(float, _tilt(config, temp_lo_degc, float(t.tick_s[0])))
-    constants += [*noise.DECAY.tolist(), *noise.GAIN.tolist(), noise.IH4_SCALE, noise.IH12_SCALE]
-    constants += [*s.z.tolist(), *s.volts.tolist(), *s.adc.sums.ravel().tolist(), int(codes[2])]
+    plant_constants += [word for item in (*sources, *p.adc.flicker) for word in _source(item)]
+    plant_constants += map(float, _tilt(config, temp_lo_degc, float(t.tick_s[0])))
+    plant_constants += [*noise.DECAY.tolist(), *noise.GAIN.tolist(), noise.IH4_SCALE, noise.IH12_SCALE]
+    plant_constants += [*s.z.tolist(), *s.volts.tolist(), *s.adc.sums.ravel().tolist(), int(codes[2])]
     for k in range(p.temp_count):
         jet = np.zeros_like(t.g_jet[k])
         jet[:, :, : plant.FIRST_CV] = t.g_jet[k][:, :, : plant.FIRST_CV]
         jet[:, plant.FIRST_CV : plant.STATES] = t.g_jet[k][:, plant.FIRST_CV : plant.STATES]
-        constants += jet.ravel().tolist()
+        plant_constants += jet.ravel().tolist()
         for table in (t.drive_step, t.sense_step, t.drive_jitter, t.sense_jitter):
-            constants += table[k].ravel().tolist()
-        constants += t.pickoff[k].ravel().tolist()
-        constants += [float(t.driver_s[k]), float(t.kxy_n_per_m[k]), float(t.kq_n_per_m_per_v2[k])]
-    return [len(constants), clocks, p.frame_ticks, p.temp_count, *constants]
+            plant_constants += table[k].ravel().tolist()
+        plant_constants += t.pickoff[k].ravel().tolist()
+        plant_constants += [float(t.driver_s[k]), float(t.kxy_n_per_m[k]), float(t.kq_n_per_m_per_v2[k])]
+    return [len(plant_constants), clocks, p.frame_ticks, p.temp_count, *plant_constants]
 
 
-def binary(constants):
+def binary(plant_constants):
     """Bytes of these words."""
-    return b"".join(np.array(w, "<f8" if isinstance(w, float) else "<i8").tobytes() for w in constants)
+    return b"".join(np.array(w, "<f8" if isinstance(w, float) else "<i8").tobytes() for w in plant_constants)

@@ -53,7 +53,7 @@ def firmware():
         Variable("host_address", INT32, INPUT, "address of the register that the host writes"),
         Variable("host_data", INT64, INPUT, "raw word of 48 bits that the host writes"),
     ]
-    outputs = [
+    fmu_outputs = [
         Variable("read_code", INT32, OUTPUT, "codes that the firmware has read last", size=CHANNELS),
         Variable("frequency_word", INT64, OUTPUT, "word of the DDS"),
         Variable("amplitude_word", INT64, OUTPUT, "word of the amplitude loop"),
@@ -65,7 +65,7 @@ def firmware():
         Variable("rate_output", REAL, OUTPUT, "measured rate", unit="deg/s"),
     ]
     idle = {"drdy_clock": -1}
-    return [TIME, *_code_variables(CONVERTER, INPUT, idle), *host, *_code_variables(PINS, OUTPUT, {}), *outputs]
+    return [TIME, *_code_variables(CONVERTER, INPUT, idle), *host, *_code_variables(PINS, OUTPUT, {}), *fmu_outputs]
 
 
 def plant(start, temp_degc, acceleration_g=0.0):
@@ -86,11 +86,11 @@ def plant(start, temp_degc, acceleration_g=0.0):
 
 def value_references(variables):
     """[(value reference, variable)]."""
-    first, references = 0, []
+    first, reference_pairs = 0, []
     for v in variables:
-        references.append((first, v))
+        reference_pairs.append((first, v))
         first += v.size
-    return references
+    return reference_pairs
 
 
 def header(variables, token, tick_hz):

@@ -203,7 +203,7 @@ def _package(out, folder, report):
 
     write = divergence.write_top if report.block == "top" else divergence.write_block
     try:
-        return write(out or folder / divergence.SUBFOLDER, folder, report), None
+        return write(out or folder / divergence.BUILD_SUBFOLDER, folder, report), None
     except FileError as problem:
         if out is not None:
             raise

@@ -25,7 +25,7 @@ from testbench.storage.files import write_text
 
 CASE = "loop"
 PINS = len(board_pins.WIDTHS)
-SUBFOLDER = f"{bundle.BUILD}/divergence"  # in the bundle of a block
+BUILD_SUBFOLDER = f"{bundle.BUILD}/divergence"  # in the bundle of a block
 FRAMES = 2  # of 8 kHz before the row that differs
 AFTER = 64  # rows of a block behind it
 
@@ -33,7 +33,7 @@ AFTER = 64  # rows of a block behind it
 def _write_waveform(folder, waveform, first, at, top, clock_hz, expanded):
     """Write the waveform of (signals, rows, valid masks) from row `first` on; its set-up has the marker at row `at`."""
     path, (signals, rows, valid_masks) = folder / "window.vcd", waveform
-    vcd.write_vcd(path, rows, signals, first_edge=first, top=top, clock_hz=clock_hz, valid=valid_masks)
+    vcd.write_vcd(path, rows, signals, first_edge=first, top=top, clock_hz=clock_hz, is_valid=valid_masks)
     marker_ps = int(vcd.picoseconds(at - first, clock_hz))
     vcd.write_gtkw(folder / "window.gtkw", path, signals, top=top, expanded=expanded, marker_ps=marker_ps)
 
@@ -46,7 +46,7 @@ def write(folder, difference):
     record = recording.Recording(CASE, observation.params, frames, frames, observation.stimulus, (), "")
     window = recording.Window(first, row + 1 - first, "up to the row that differs")
     out, at = folder / "bundle" / bundles.STEM / CASE, np.arange(first, row + 1)
-    manifest = bundles.write(bundles.first_frames(record, frames, (window,)), out, at, include_design=True)
+    manifest = bundles.write(bundles.shorten_recording(record, frames, (window,)), out, at, names_design=True)
     golden = replay_recording.run(
         observation.params, observation.stimulus, -(-end // design.frame_clocks), np.arange(first, end)
     )
@@ -54,14 +54,14 @@ def write(folder, difference):
     report = _report(observation, top_run.prefixed_manifest(manifest) | {"n": end - first}, golden, first, row)
     # behind the difference there was no plant
     end = row + 1
-    block = _use_port_names(bundles.make_block({CASE: observation.params}, design))
+    block = _use_port_names(bundles.build_top_block({CASE: observation.params}, design))
     _write_package(folder, block, golden[: end - first], report, first, end)
     return report
 
 
 def _report(observation, manifest, golden, first, row):
     """`compare.Report` of what a `run.Recorded` shows from row `first` on; up to `row` it is golden."""
-    kinds = ("inputs", "registers", "outputs") if observation.signal_indices[0] == 0 else ("inputs", "outputs")
+    kinds = ("inputs", "registers", "outputs") if observation.observed_indices[0] == 0 else ("inputs", "outputs")
     visible_names = [p["name"] for kind in kinds for p in manifest[kind]]
     names = [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
     yours, count = golden.copy(), len(manifest["inputs"])
@@ -127,18 +127,18 @@ def write_top(folder, bundle_folder, report):
     """The same of a report on the whole design; returns its folder."""
     folder, bundle_folder, at = Path(folder), Path(bundle_folder), report.divergence.before[-1][0]
     manifest = bundle.read(bundle_folder).manifest
-    r, pins_only = bundles.read_recording(bundle_folder, manifest), report.level != "registers"
+    r, pins_only = bundles.read_bundle_recording(bundle_folder, manifest), report.level != "registers"
     clocks, begin = manifest["frame_cycles"], report.first_row
     end = min(at + 1 + AFTER, begin + len(next(iter(report.got.values())).values))
     first = max(begin, at + 1 - FRAMES * clocks)
     window = recording.Window(first, end - first, "around the row that differs")
-    cut = bundles.first_frames(r, -(-end // clocks), (window,))
+    cut = bundles.shorten_recording(r, -(-end // clocks), (window,))
     out, level = folder / "bundle" / bundles.STEM / report.case, "pins" if pins_only else "registers"
     latency_clocks = bundles.pin_delays(bundle_folder, manifest) | {
         name.removeprefix("o_"): k for name, k in report.clocks.items()
     }
     bundles.write(cut, out, np.arange(first, end), "design" in manifest, level, clocks=latency_clocks)
-    golden, block = bundle.read(out), bundles.make_block({r.name: r.params}, r.params.design)
+    golden, block = bundle.read(out), bundles.build_top_block({r.name: r.params}, r.params.design)
     block = block._replace(registers=()) if pins_only else _use_port_names(block)
     rows = np.column_stack([golden.stim, golden.exp])
     return _write_package(folder, block, rows, report, first, end)

@@ -99,7 +99,7 @@ def _mean_parts(number, model, rows):
     symbol, temp = number.symbol, number.temp_degc
     model_mean, sd = _mean(model, symbol, temp)
     parts = [Part("mean over cases", number.values[0], number.sigma, model_mean)]
-    room = printed.case_mean(rows, symbol, ROOM_DEGC)
+    room = printed.case_mean_row(rows, symbol, ROOM_DEGC)
     if temp != ROOM_DEGC and room and room.sigma is not None:
         paper, sigma = number.values[0] - room.values[0], math.hypot(number.sigma, room.sigma)
         parts.append(Part("less that at 25 degC", paper, sigma, _less(model_mean, _mean(model, symbol, ROOM_DEGC)[0])))
@@ -107,8 +107,8 @@ def _mean_parts(number, model, rows):
     if between is not None:
         # the spread of n draws is known to 1 / sqrt(2 (n - 1)) of itself
         sigma = between / math.sqrt(2 * (printed.CASES - 1))
-        model_sd = None if sd is None else Value(sd, model_mean.sigma)
-        parts.append(Part("standard deviation between cases", between, sigma, model_sd, "<"))
+        model_case_sd = None if sd is None else Value(sd, model_mean.sigma)
+        parts.append(Part("standard deviation between cases", between, sigma, model_case_sd, "<"))
     return parts
 
 
@@ -128,10 +128,10 @@ def _bandwidth_parts(number, model, rows):
 
 
 def _pair(number):
-    cases = tuple(c for c in number.case if c.isdigit())
-    if len(cases) != 2:
+    case_digits = tuple(c for c in number.case if c.isdigit())
+    if len(case_digits) != 2:
         raise FileError(f"{number.quantity}: case {number.case[:40]!r} does not name two cases")
-    return cases
+    return case_digits
 
 
 def _change_parts(number, model, rows):
@@ -242,5 +242,5 @@ def rows(model, path=None):
 
 def phase_rows(node_deg, path=None):
     """{node: Row} of the four uncompensated phases, from {node: Value} of node phases (deg)."""
-    claim_rows = [r for r in rows(Model("", node_deg=node_deg), path) if r.rule.claim == "phase"]
-    return {r.number.symbol.removeprefix("phi_"): r for r in claim_rows}
+    phase_claim_rows = [r for r in rows(Model("", node_deg=node_deg), path) if r.rule.claim == "phase"]
+    return {r.number.symbol.removeprefix("phi_"): r for r in phase_claim_rows}

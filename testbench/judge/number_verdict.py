@@ -60,19 +60,19 @@ def worst(parts):
     return max((p for p in parts if p.pull is not None), key=lambda p: abs(p.pull), default=None)
 
 
-def _number_text(value, sigma):
+def _value_sigma_text(value, sigma):
     text = f"{value:.5g}" if abs(value) > DUST else "0"
     return text + (f" +- {sigma:.2g}" if sigma else "")
 
 
 def _text(part):
     """What was compared, and by how many sigma they differ."""
-    paper = {"<": "below ", ">": "above "}.get(part.bound, "") + _number_text(part.paper, part.sigma)
+    paper = {"<": "below ", ">": "above "}.get(part.bound, "") + _value_sigma_text(part.paper, part.sigma)
     far = f"{part.pull:+.1f} sigma" if abs(part.pull) < MOST_SIGMA else f"beyond {MOST_SIGMA:g} sigma"
     if not part.sigma and not part.model.sigma:
         far = "not kept" if part.pull else "equal"
-    outcome = "kept" if part.bound and not part.pull else far
-    return f"{part.what}: {_number_text(*part.model)}, the paper {paper}: {outcome}"
+    outcome_text = "kept" if part.bound and not part.pull else far
+    return f"{part.what}: {_value_sigma_text(*part.model)}, the paper {paper}: {outcome_text}"
 
 
 def verdict(role, parts, absent=NOT_COMPUTED):

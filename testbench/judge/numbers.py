@@ -68,7 +68,7 @@ class Number(NamedTuple):
 BOUNDS = (("<", "<"), ("within", "<"), ("falls", "<"), (">", ">"), ("increased by more than", ">"), ("rise", ">"))
 
 
-def _parse_row(row):
+def _parse_number_row(row):
     """`Number` of a row of the list, without its uncertainty."""
     text = row["value"]
     bound = next((sign for word, sign in BOUNDS if text.startswith(word)), "")
@@ -85,19 +85,19 @@ def step(text):
 
 def std(number):
     """Standard deviation that a row prints, or None."""
-    match = re.search(rf"std ({DIGITS})", number.spread)
-    return float(match.group(1)) if match else None
+    std_match = re.search(rf"std ({DIGITS})", number.spread)
+    return float(std_match.group(1)) if std_match else None
 
 
-def case_mean(rows, symbol, temp_degc):
+def case_mean_row(rows, symbol, temp_degc):
     """The row of a quantity's mean over cases 1 to 3 at a temperature, or None."""
-    matches = [n for n in rows if n.symbol == symbol and n.case == MEAN and n.temp_degc == temp_degc]
-    return matches[0] if len(matches) == 1 and matches[0].values else None
+    mean_rows = [n for n in rows if n.symbol == symbol and n.case == MEAN and n.temp_degc == temp_degc]
+    return mean_rows[0] if len(mean_rows) == 1 and mean_rows[0].values else None
 
 
 def _phase_rad(rows, symbol, case):
-    matches = [n for n in rows if n.symbol == symbol and n.case.startswith(case) and n.values]
-    return math.radians(matches[0].values[0]) if matches else 0.0
+    phase_rows = [n for n in rows if n.symbol == symbol and n.case.startswith(case) and n.values]
+    return math.radians(phase_rows[0].values[0]) if phase_rows else 0.0
 
 
 def explained_sd(rows, symbol):
@@ -116,7 +116,7 @@ def method_deg(symbol):
 
 def relative_repeatability(rows, symbol, temp_degc):
     """Relative standard deviation of one case: what is not explained, of a floor its method's; None if neither."""
-    mean = case_mean(rows, symbol, temp_degc)
+    mean = case_mean_row(rows, symbol, temp_degc)
     if mean is None or not mean.values[0]:
         return None
     if symbol == FLOOR and std(mean) is None:
@@ -140,10 +140,10 @@ def _standard_uncertainty(number, rows):
         share = relative_repeatability(rows, number.symbol, number.temp_degc)
         return math.hypot(rounding, math.sqrt(2) * (share or 0.0))
     fluctuation = re.search(rf"fluctuation < ({DIGITS})", number.spread)
-    printed_spread = std(number) or (float(fluctuation.group(1)) / math.sqrt(3) if fluctuation else 0.0)
+    printed_sigma = std(number) or (float(fluctuation.group(1)) / math.sqrt(3) if fluctuation else 0.0)
     residuals_deg = [n.values[0] for n in rows if n.symbol == number.symbol and n.values and COMPENSATED in n.case]
-    residual_deg = residuals_deg[0] if residuals_deg and number.symbol.startswith("phi_") else 0.0
-    return math.hypot(rounding, printed_spread, residual_deg, method_deg(number.symbol))
+    residual_phase_deg = residuals_deg[0] if residuals_deg and number.symbol.startswith("phi_") else 0.0
+    return math.hypot(rounding, printed_sigma, residual_phase_deg, method_deg(number.symbol))
 
 
 def table(path=PATHS[0]):
@@ -161,7 +161,7 @@ def table(path=PATHS[0]):
 
 def read(path):
     """[Number, ...] of a list in CSV; FileError names the path and what is wrong."""
-    rows = [_parse_row(row) for row in table(path)]
+    rows = [_parse_number_row(row) for row in table(path)]
     for n in rows:
         if not all(math.isfinite(v) and abs(v) < MOST for v in n.values):
             raise FileError(f"{path}: {n.symbol}: {n.text[:40]!r} is not a number below {MOST:g}")

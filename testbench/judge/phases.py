@@ -17,10 +17,10 @@ def verdicts(node_deg, sigma_deg=None):
             for n in NODES}  # fmt: skip
 
 
-def sentences(phase_verdicts):
+def sentences(verdict_by_node):
     """Sentences for `verdicts`: one to a phase, and one on the fitted values behind them."""
-    keys = dict.fromkeys(key for node in NODES for key in phase_verdicts[node]["rests_on"])
+    keys = dict.fromkeys(key for node in NODES for key in verdict_by_node[node]["rests_on"])
     return [
-        *(f"Beside the paper, {phase_verdicts[n]['verdict']}: {phase_verdicts[n]['basis']}." for n in NODES),
+        *(f"Beside the paper, {verdict_by_node[n]['verdict']}: {verdict_by_node[n]['basis']}." for n in NODES),
         f"These four rest on the fitted values {', '.join(keys)}.",
     ]

@@ -168,16 +168,16 @@ def import_(
     from testbench.measured.record import checks
     from testbench.storage.record import RecordError, write_record
 
-    imported = assemble.import_files(files, columns)
-    findings = checks.check(imported.record)
+    import_result = assemble.import_files(files, columns)
+    findings = checks.check(import_result.record)
     refused = [str(f) for f in findings if f.level == "refused"]
     if refused:
         raise RecordError(columns, refused)
-    digest = write_record(out, imported.record)
+    digest = write_record(out, import_result.record)
     if as_json:
         rows = [{"finding": str(f), "level": f.level} for f in findings]
-        return print_json({"file": str(out), "content_sha256": digest, "lines": imported.lines, "findings": rows})
-    for text in (*imported.lines, *(f"{f} ({f.level})" for f in findings)):
+        return print_json({"file": str(out), "content_sha256": digest, "lines": import_result.lines, "findings": rows})
+    for text in (*import_result.lines, *(f"{f} ({f.level})" for f in findings)):
         typer.echo(text)
     typer.echo(f"{out}  {digest[:16]}")
 
@@ -217,7 +217,7 @@ def residuals(
         if overrides:
             model = config.changed(model, {item.path: item.value for item in overrides})
         try:
-            study = residual.study_record(record, kind, model, progress=progress)
+            study = residual.study_residuals(record, kind, model, progress=progress)
         except ValueError as problem:
             raise ConfigError(problem) from None
     if as_json:
@@ -254,21 +254,25 @@ def calibrate(
         if loaded.is_blocked:
             raise ConfigError(f"{file}: {loaded.residual.verdict}; physics waits for an override (R16)")
         try:
-            result = calibration.calibrate(firmware_words.complete_record(loaded.record)[0], starts, progress=progress)
+            calibration_result = calibration.calibrate(
+                firmware_words.complete_record(loaded.record)[0], starts, progress=progress
+            )
         except ValueError as problem:
             raise ConfigError(problem) from None
-    heldout_pairs = [(a, b) for a, b in zip(result.before.rows, result.after.rows) if a.role == "validate"]
+    heldout_pairs = [
+        (a, b) for a, b in zip(calibration_result.before.rows, calibration_result.after.rows) if a.role == "validate"
+    ]
     if as_json:
         print_json(
             {
-                "values": result.values,
-                "sd": result.sd,
-                "converged": result.is_converged,
-                "decrement": result.decrement,
-                "costs": list(result.costs),
-                "at_bound": list(result.at_bound),
-                "directions": [d._asdict() for d in result.directions],
-                "evaluations": result.evaluations,
+                "values": calibration_result.values,
+                "sd": calibration_result.sd,
+                "converged": calibration_result.is_converged,
+                "decrement": calibration_result.decrement,
+                "costs": list(calibration_result.costs),
+                "at_bound": list(calibration_result.at_bound),
+                "directions": [d._asdict() for d in calibration_result.directions],
+                "evaluations": calibration_result.evaluations,
                 "heldout": [
                     {"group": a.group, "observable": a.observable, "unit": a.unit, "floor": a.floor}
                     | {"uncalibrated": a.rms, "calibrated": b.rms, "chi2_per_bin": b.chi2_per_bin}
@@ -278,8 +282,14 @@ def calibrate(
         )
         return
     rows = [
-        (p.key, p.unit, f"{p.mean:.9g}", f"{result.values[p.key]:.9g}", f"{result.sd[p.key]:.2g}")
-        for p in result.parameters
+        (
+            p.key,
+            p.unit,
+            f"{p.mean:.9g}",
+            f"{calibration_result.values[p.key]:.9g}",
+            f"{calibration_result.sd[p.key]:.2g}",
+        )
+        for p in calibration_result.parameters
     ]
     tables = [Table("Parameters", ("parameter", "unit", "prior", "fitted", "sd"), rows, numeric=(2, 3, 4))]
     rows = [
@@ -291,12 +301,13 @@ def calibrate(
         tables.append(Table("Held out", heads, rows, numeric=(3, 4, 5, 6)))
     print_tables(tables)
     typer.echo(
-        ("converged" if result.is_converged else "NOT converged") + f": a further step promises {result.decrement:.2g}"
+        ("converged" if calibration_result.is_converged else "NOT converged")
+        + f": a further step promises {calibration_result.decrement:.2g}"
     )
-    typer.echo(f"costs of the starts: {', '.join(f'{cost:.4g}' for cost in result.costs)}")
-    for direction in result.directions:
-        source = "the prior alone" if direction.eigenvalue < calibration.UNSEEN else "the data"
-        typer.echo(f"{source} fix {direction.words}  ({direction.eigenvalue:.2g} in units of the prior)")
+    typer.echo(f"costs of the starts: {', '.join(f'{cost:.4g}' for cost in calibration_result.costs)}")
+    for direction in calibration_result.directions:
+        information_source = "the prior alone" if direction.eigenvalue < calibration.UNSEEN else "the data"
+        typer.echo(f"{information_source} fix {direction.words}  ({direction.eigenvalue:.2g} in units of the prior)")
 
 
 class TraceOptions(NamedTuple):
@@ -339,33 +350,37 @@ def trace(o):
     from testbench.measured.closed_loop import loop_trace
     from testbench.measured.exam import exam, part_page
     from testbench.measured.models.part_problem import PartProblem
-    from testbench.measured.openers import catch_singular, open_problem
+    from testbench.measured.openers import open_problem, refuse_singular_data
     from testbench.tracing import trace_report as page
     from testbench.tracing.figures import all_figures
     from testbench.tracing.trace import Options
 
     opener_options = _pairs(o.option) | ({"priors": o.priors} if o.priors else {})
-    with _progress(False) as progress, catch_singular(o.files):
-        traced, name = trace_recording.trace_table(o.files, opener_options), "numbers"
-        if not traced:
+    with _progress(False) as progress, refuse_singular_data(o.files):
+        part_report, name = trace_recording.trace_table(o.files, opener_options), "numbers"
+        if not part_report:
             problem = open_problem(o.files, opener_options)
             part = isinstance(problem, PartProblem)
             most = o.most or (problem.most_laws if part else Options.max_laws)
             alpha = o.alpha or (exam.QUICK.alpha if part else Options.alpha)
             options = Options(alpha, o.looks, seed=o.seed, max_laws=most)
-            traced, name = trace_recording.trace_problem(problem, options, progress), problem.name
-        if traced:
-            page_text = part_page.page(name, trace_recording.trace_section("Verdict", *traced)) if o.report else ""
-            _write_texts({o.json_file: trace_recording.text(traced[0]), o.report: page_text})
-            return _print_trace(traced[0])
-        tracer, result = loop_trace.run(problem, options, progress, o.checkpoint)
-    _write_texts({o.json_file: result.text(), o.report: page.html(result, all_figures(tracer)) if o.report else ""})
+            part_report, name = trace_recording.trace_problem(problem, options, progress), problem.name
+        if part_report:
+            page_text = (
+                part_page.page(name, trace_recording.report_section("Verdict", *part_report)) if o.report else ""
+            )
+            _write_text_files({o.json_file: trace_recording.text(part_report[0]), o.report: page_text})
+            return _print_trace(part_report[0])
+        tracer, trace_result = loop_trace.run(problem, options, progress, o.checkpoint)
+    _write_text_files(
+        {o.json_file: trace_result.text(), o.report: page.html(trace_result, all_figures(tracer)) if o.report else ""}
+    )
     for text in problem.warnings:
         typer.echo(f"{text} (warned)")
-    return _print_trace(vars(result))
+    return _print_trace(vars(trace_result))
 
 
-def _write_texts(texts):
+def _write_text_files(texts):
     """Write {path: text} together; a path that is None was not given."""
     from testbench.storage.files import atomic_outputs, write_text
 
@@ -375,37 +390,37 @@ def _write_texts(texts):
                 write_text(path, text)
 
 
-def _print_trace(result):
+def _print_trace(trace_data):
     """Quality, verdict, effects and held-out errors of a result, by the keys of its JSON."""
     from testbench.console.show import print_tables
     from testbench.console.text_table import Table
     from testbench.measured.quality.finding import from_json
 
-    for finding in result.get("quality", ()):
+    for finding in trace_data.get("quality", ()):
         typer.echo(one_line(from_json(finding)))
-    typer.echo(f"{result['verdict']}: {result['sentence']}")
+    typer.echo(f"{trace_data['verdict']}: {trace_data['sentence']}")
     rows = [
         (e["law"], e["port"], f"{e['value']:.6g}", f"{e['sd']:.2g}", e["unit"], f"{e['d']:.1f}", e["status"])
-        for e in result["effects"]
+        for e in trace_data["effects"]
     ]
     heads = ("law", "port", "value", "sd", "unit", "d", "status")
     tables = [Table("Effects", heads, rows, numeric=(2, 3, 5))] if rows else []
     rows = [
         (name, h["unit"], "" if h["floor"] is None else f"{h['floor']:.3g}", f"{h['before']:.4g}")
         + (f"{h['after_one_law']:.4g}", f"{h['after']:.4g}")
-        for name, h in result["heldout"].items()
+        for name, h in trace_data["heldout"].items()
     ]
     heads = ("held out", "unit", "noise rms", "before", "after one law", "after")
     if rows:
         tables.append(Table("Error on data that no fit has seen", heads, rows, numeric=(2, 3, 4, 5)))
     if tables:
         print_tables(tables)
-    for cause in result.get("causes", ())[1:]:
+    for cause in trace_data.get("causes", ())[1:]:
         sizes = ", ".join(f"{e['law']} {e['value']:.3g} {e['unit']}" for e in cause["effects"])
         typer.echo(f"as well: {sizes} (chi2 {cause['chi2']:+.1f})")
-    for row in result.get("unphysical", ()):
+    for row in trace_data.get("unphysical", ()):
         typer.echo(f"against physics: {row['why']} (chi2 {row['chi2']:.4g})")
-    for row in result.get("next_experiment", ())[: result["verdict"] != "named"]:
+    for row in trace_data.get("next_experiment", ())[: trace_data["verdict"] != "named"]:
         typer.echo(f"next experiment: {row['words']}")
         if row["text"]:
             typer.echo(row["text"])

@@ -29,12 +29,12 @@ RATE_DPS, ZERO_RATE_S, STEP_S, MEAN_S = 100.0, 1.0, 0.8, 0.3
 WORD_PER_DPS = 8651.0
 SEED = 7
 CONTROLS = (1e-9, -1e-9, 1e-8, -1e-8)  # of the spring
-CONTROL_FACTOR = 2.0  # times the largest change of a control, from which a change is called one
+SIGNIFICANCE_FACTOR = 2.0  # times the largest change of a control, from which a change is called one
 MEASURED = ("scale factor", "bias", "noise")
 WARM_DEGC = 35.0
 DRIVE_BITS, SENSE_BITS = 16, 20  # of the board's DACs
 LOCKED, WEAKEST = 0.5, 4  # share of the scale factor that a locked loop has; tens by which a law is made weaker
-PICTURE_FRAMES = 8  # frames averaged for a point of the picture: 1 ms
+FRAMES_PER_POINT = 8  # frames averaged for a point of the picture: 1 ms
 
 
 class Case(NamedTuple):
@@ -91,12 +91,12 @@ def converter(effects):
         elif key:
             mine[key] = per_volt
     meters.pop("source", None)
-    return {meter: settings for meter, settings in meters.items() if settings}
+    return {meter: meter_settings for meter, meter_settings in meters.items() if meter_settings}
 
 
 def cases(sets):
     """Cases of what the sets have: {set: JSON} as in build/measured.json."""
-    return [case._replace(set=name) for name, data in sets.items() for case in _set_cases(name, data["jobs"])]
+    return [case._replace(set=name) for name, data in sets.items() for case in _data_set_cases(name, data["jobs"])]
 
 
 def controls(device):
@@ -106,7 +106,7 @@ def controls(device):
     return [Case(f"control: {share:g} of the spring", text, {"laws": [text]}) for share, text in texts.items()]
 
 
-def _set_cases(name, jobs):
+def _data_set_cases(name, jobs):
     out, effects = [], jobs[0]["effects"]
     texts = levels(effects, DRIVE_BITS)
     if texts:
@@ -127,9 +127,9 @@ def _set_cases(name, jobs):
 def _meter_cases(name, effects):
     """For each kind of law of converters, the meter with the largest coefficient."""
     worst = {}
-    for meter, settings in converter([e for e in effects if ": " in e["law"]]).items():
-        for key, value in settings.items():
-            if key not in worst or _magnitude(value) > _magnitude(worst[key][1]):
+    for meter, meter_settings in converter([e for e in effects if ": " in e["law"]]).items():
+        for key, value in meter_settings.items():
+            if key not in worst or _largest_magnitude(value) > _largest_magnitude(worst[key][1]):
                 worst[key] = (meter, value)
     out = []
     for key, (meter, value) in sorted(worst.items()):
@@ -156,16 +156,16 @@ def not_run(sets):
     out = []
     for name, data in sets.items():
         for job in data["jobs"]:
-            covered = {c["name"] for c in job.get("gyroscope", ())}
+            covered_laws = {c["name"] for c in job.get("gyroscope", ())}
             for e in job["effects"]:
                 meter, _, law = e["law"].partition(": ")
                 converts = _key(law) and meter != "source"
-                if not (e["law"] in covered or levels([e], DRIVE_BITS) or converts or "vibration" in law):
+                if not (e["law"] in covered_laws or levels([e], DRIVE_BITS) or converts or "vibration" in law):
                     out.append((name, job["label"], e["law"], e["port"], e.get("kind", "")))
     return out
 
 
-def _magnitude(value):
+def _largest_magnitude(value):
     return float(np.max(np.abs(value)))
 
 
@@ -202,11 +202,13 @@ def run_case(case):
         )
     ]
     plus, minus = rate[at[2] : at[3]].mean(), rate[at[4] :].mean()
-    zero_rate = rate[at[0] : at[1]]
-    return Reading(float(zero_rate.mean()), float((plus - minus) / (2 * RATE_DPS)), float(zero_rate.std()), rate)
+    zero_rate_dps = rate[at[0] : at[1]]
+    return Reading(
+        float(zero_rate_dps.mean()), float((plus - minus) / (2 * RATE_DPS)), float(zero_rate_dps.std()), rate
+    )
 
 
-def _run_locked(case):
+def _run_until_lock(case):
     """(`Reading`, case) of a run; a law with which the loop does not lock is made weaker by tens, and this is said."""
     one, weaker = run_case(case), case
     for k in range(1, WEAKEST + 1):
@@ -223,7 +225,7 @@ def _run_locked(case):
     return one, weaker
 
 
-def loop_section(sets):
+def closed_loop_section(sets):
     """(HTML: a table, and for each effect a paragraph and a picture; {set: [numbers of each effect]})."""
     import matplotlib
 
@@ -239,7 +241,7 @@ def loop_section(sets):
         if degc not in bases:
             bases[degc] = run_case(Case("", "", {}, temperature_degc=degc))
         base = bases[degc]
-        one, case = _run_locked(case)
+        one, case = _run_until_lock(case)
         scale_ppm, bias = (one.scale / base.scale - 1) * 1e6, (one.bias_dps - base.bias_dps) * 3600
         measured = (scale_ppm, bias, 100 * (one.rms_dps / base.rms_dps - 1))
         numbers = dict(zip(("scale_ppm", "bias_deg_per_h", "noise_percent"), measured))
@@ -250,20 +252,20 @@ def loop_section(sets):
             itself = np.maximum(itself, np.abs(measured))
             continue
         change = (
-            (one.rate_dps - base.rate_dps)[: len(base.rate_dps) // PICTURE_FRAMES * PICTURE_FRAMES]
-            .reshape(-1, PICTURE_FRAMES)
+            (one.rate_dps - base.rate_dps)[: len(base.rate_dps) // FRAMES_PER_POINT * FRAMES_PER_POINT]
+            .reshape(-1, FRAMES_PER_POINT)
             .mean(axis=1)
         )
-        t = (np.arange(len(change)) + 0.5) * PICTURE_FRAMES / 8000.0
+        t = (np.arange(len(change)) + 0.5) * FRAMES_PER_POINT / 8000.0
         figure, panel = plt.subplots(figsize=(9, 2.6), layout="constrained")
         panel.plot(t, change * 3600, lw=0.6, color="#205090")
         panel.set_xlabel("time from lock (s); rate 0, +100, -100 deg/s")
         panel.set_ylabel("change of rate (deg/h)")
-        large = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > CONTROL_FACTOR * c]
+        large = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > SIGNIFICANCE_FACTOR * c]
         sentence = (
             f"{case.words}. Scale factor {texts[0]} ppm, bias {texts[1]} deg/h, noise of the rate word at rest "
             f"{texts[2]} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms). Above {CONTROL_FACTOR:g} times the controls: "
+            f"{base.rms_dps:.3g} deg/s rms). Above {SIGNIFICANCE_FACTOR:g} times the controls: "
             f"{', '.join(large) or 'nothing'}."
         )
         words.append(
@@ -272,10 +274,10 @@ def loop_section(sets):
             "bias.</figcaption></figure>"
         )
     head = ("effect", "scale factor (ppm)", "bias (deg/h)", "noise at rest (%)")
-    omitted, more = not_run(sets), ""
-    if omitted:
+    omitted_effects, more = not_run(sets), ""
+    if omitted_effects:
         more = "<p>Named effects without a counterpart in the board's plant, not run:</p>" + part_page.table(
-            ("set", "job", "law", "port", "kind"), omitted
+            ("set", "job", "law", "port", "kind"), omitted_effects
         )
     intro = (
         "<h2>The same effects in the closed loop</h2><p>Pairs of runs of the gyroscope, with and without the effect, "

@@ -20,7 +20,7 @@ from testbench.measured.parts import (
 )
 
 
-def no_content(paths, options):
+def reject_content(paths, options):
     """A kind without an opener or without a report of its own knows no content."""
     return None
 
@@ -29,8 +29,8 @@ class Kind(NamedTuple):
     """How files of one kind are found and opened."""
 
     jobs: Callable
-    opener: Callable = no_content
-    report: Callable = no_content
+    opener: Callable = reject_content
+    report: Callable = reject_content
 
 
 KINDS = (
@@ -45,6 +45,6 @@ KINDS = (
 )
 
 
-def first_match(candidates):
+def first_not_none(optional_results):
     """The first that is not None, or None."""
-    return next((x for x in candidates if x is not None), None)
+    return next((x for x in optional_results if x is not None), None)

@@ -52,9 +52,11 @@ def main(arguments=None):
     parser.add_argument("--option", action="append", default=[])
     options = parser.parse_args(arguments)
     problem = open_problem(options.files, dict(text.split("=", 1) for text in options.option))
-    effects = nulls(problem, options.count, options.seed, say=lambda text: print(text, file=sys.stderr, flush=True))
-    hits = [names for names in effects if names]
-    print(json.dumps({"problem": problem.name, "recordings": len(effects), "named": len(hits), "names": hits}))
+    effect_names = nulls(
+        problem, options.count, options.seed, say=lambda text: print(text, file=sys.stderr, flush=True)
+    )
+    hits = [names for names in effect_names if names]
+    print(json.dumps({"problem": problem.name, "recordings": len(effect_names), "named": len(hits), "names": hits}))
     return 0
 
 

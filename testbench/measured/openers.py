@@ -13,10 +13,10 @@ from testbench.errors import FileError
 from testbench.measured.formats import readers
 
 
-def open_closed_loop(paths, options):
+def open_closed_loop_record(paths, options):
     """Records of the closed loop (gyrorec). Options: those of `loop_record`, and priors = sheet or a file."""
     from testbench.measured.closed_loop import loop_record
-    from testbench.measured.wide.record_priors import Calibrated
+    from testbench.measured.wide.wide_calibration import Calibrated
 
     return loop_record.open_record(paths, options, Calibrated(options.get("priors")))
 
@@ -27,10 +27,12 @@ def single_part(paths, options):
     from testbench.measured.formats import sheets
     from testbench.measured.quality import examine
 
-    findings = examine.enforce_quality(sheets.examine(paths, options.get("channel")), options.get("quality", ""))
-    problem = kinds.first_match(kind.opener(paths, options) for kind in kinds.KINDS)
+    quality_findings = examine.enforce_quality(
+        sheets.examine(paths, options.get("channel")), options.get("quality", "")
+    )
+    problem = kinds.first_not_none(kind.opener(paths, options) for kind in kinds.KINDS)
     if problem is not None:
-        problem.quality = findings
+        problem.quality = quality_findings
     return problem
 
 
@@ -48,7 +50,7 @@ def part_findings(paths):
 
 
 @contextlib.contextmanager
-def catch_singular(paths):
+def refuse_singular_data(paths):
     """Data that fix no model end in the linear algebra: one line."""
     try:
         yield
@@ -56,7 +58,7 @@ def catch_singular(paths):
         raise FileError(f"{paths[0]}: the data do not determine the model: {problem}") from None
 
 
-OPENERS = [open_closed_loop, single_part]
+OPENERS = [open_closed_loop_record, single_part]
 
 
 def open_problem(paths, options):
@@ -64,9 +66,9 @@ def open_problem(paths, options):
     for path in paths:
         if not os.path.exists(path):
             raise FileError(f"{path}: no such file")
-    with catch_singular(paths):
+    with refuse_singular_data(paths):
         for opener in OPENERS:
             problem = opener(paths, options)
             if problem is not None:
                 return problem
-    raise FileError(f"{paths[0]}: content of no known kind. Nearest is {readers.describe_mismatch(paths[0])}")
+    raise FileError(f"{paths[0]}: content of no known kind. Nearest is {readers.describe_unreadable_file(paths[0])}")

@@ -42,12 +42,12 @@ def folders(root):
 
 def jobs(paths):
     """[(label, paths, options)] of a set's files: what the parts say, else one file each."""
-    out, job_paths = [], set()
+    out, assigned_paths = [], set()
     for kind in kinds.KINDS:
         for label, chosen, options in kind.jobs(paths):
             out.append((label, chosen, options))
-            job_paths |= set(chosen)
-    return out + [(path.stem, [path], {}) for path in paths if path not in job_paths]
+            assigned_paths |= set(chosen)
+    return out + [(path.stem, [path], {}) for path in paths if path not in assigned_paths]
 
 
 def trace_job(paths, options):
@@ -61,7 +61,7 @@ def trace_job(paths, options):
 
 def run(sets, say=print):
     """({set: JSON}, {set: [(label, JSON, picture)]}, [failures]) of {set: paths}."""
-    out, reports, failures = {}, {}, []
+    out, reports_by_set, failures = {}, {}, []
     for name, paths in sets.items():
         rows = []
         for label, chosen, options in jobs(paths):
@@ -76,10 +76,10 @@ def run(sets, say=print):
             seconds = time.monotonic() - start
             rows.append((label, data, image))
             say(f"{name}: {label}: {data['verdict']}, {len(data['effects'])} law(s), {seconds:.0f} s")
-        reports[name] = rows
+        reports_by_set[name] = rows
         if rows:
             out[name] = join_reports(rows)
-    return out, reports, failures
+    return out, reports_by_set, failures
 
 
 def join_reports(rows):
@@ -112,7 +112,7 @@ def overview(out):
     return part_page.table(head, rows, (3, 4, 5, 6, 7))
 
 
-def residual_words(data, part):
+def residual_sentence(data, part):
     """One sentence on what is left of a held-out part, from the tests in `part_page.describe_residual`."""
     for r in data.get("left", []):
         if part in (r["observable"], r["segment"], f"{r['segment']} {r['observable']}"):
@@ -131,7 +131,7 @@ def residual_words(data, part):
     return data["sentence"]
 
 
-def page(out, reports, failures, loop=""):
+def page(out, reports_by_set, failures, loop=""):
     """The page of `make measured`."""
     words = [
         "<p>Recordings that others made of single parts, against the parts of this model. An effect is chosen on some "
@@ -142,22 +142,24 @@ def page(out, reports, failures, loop=""):
     if failures:
         rows = [(s, label, text) for s, label, text in failures]
         words += ["<h2>What could not be traced</h2>", part_page.table(("set", "file", "why"), rows)]
-    unexplained = [
-        (name, label, part, f"{h['after'] / h['floor']:.2f}", residual_words(data, part))
-        for name, rows in reports.items()
+    unexplained_rows = [
+        (name, label, part, f"{h['after'] / h['floor']:.2f}", residual_sentence(data, part))
+        for name, rows in reports_by_set.items()
         for label, data, _ in rows
         for part, h in data["heldout"].items()
         if part_page.is_unexplained(h)
     ]
-    if unexplained:
+    if unexplained_rows:
         words += [
             "<h2>Not explained: held-out error above 1.5 floors</h2>",
-            part_page.table(("set", "job", "held out", "after / floor", "what the rest is like"), unexplained, (3,)),
+            part_page.table(
+                ("set", "job", "held out", "after / floor", "what the rest is like"), unexplained_rows, (3,)
+            ),
         ]
-    for name, rows in reports.items():
+    for name, rows in reports_by_set.items():
         words.append(f"<h2>{html.escape(name)}</h2>")
         for label, data, image in rows:
-            words.append(trace_recording.trace_section(label, data, image))
+            words.append(trace_recording.report_section(label, data, image))
     return part_page.page("Measured parts", "".join(words) + loop)
 
 
@@ -179,12 +181,12 @@ def main(arguments=None):
 
             sets = registry.folders()
         sets = {name: paths for name, paths in sets.items() if not options.only or name in options.only}
-        out, reports, failures = run(sets, lambda text: print(text, file=sys.stderr, flush=True))
+        out, reports_by_set, failures = run(sets, lambda text: print(text, file=sys.stderr, flush=True))
         loop = ""
         if not options.no_loop:
             from testbench.measured import in_loop
 
-            loop, numbers = in_loop.loop_section(out)
+            loop, numbers = in_loop.closed_loop_section(out)
             control = numbers.pop("", [])
             for name, rows in numbers.items():
                 out[name]["closed_loop"] = control + rows
@@ -194,7 +196,7 @@ def main(arguments=None):
     options.out.mkdir(parents=True, exist_ok=True)
     clean = {name: {**data, "jobs": [_strip_html(job) for job in data["jobs"]]} for name, data in out.items()}
     write_text(options.out / "measured.json", json.dumps(clean, indent=1, sort_keys=True, allow_nan=False) + "\n")
-    write_text(options.out / "measured.html", page(out, reports, failures, loop))
+    write_text(options.out / "measured.html", page(out, reports_by_set, failures, loop))
     print(options.out / "measured.html")
     return 1 if failures else 0
 

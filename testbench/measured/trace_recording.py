@@ -15,7 +15,7 @@ from testbench.measured.parts.part import Part
 
 def trace_table(paths, options):
     """(JSON, picture) of files that a kind reports by itself; None if none does."""
-    return kinds.first_match(kind.report(paths, options) for kind in kinds.KINDS)
+    return kinds.first_not_none(kind.report(paths, options) for kind in kinds.KINDS)
 
 
 def trace_problem(problem, settings=None, progress=None):
@@ -36,6 +36,6 @@ def text(data):
     return json.dumps(report_data, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
-def trace_section(label, data, image):
+def report_section(label, data, image):
     """Part of a page: the report's own, or the usual one."""
     return data.get("html") or part_page.part_section(label, data, image)

@@ -115,8 +115,8 @@ def paper(o):
         from testbench.paper import page, paper_study
 
         size = paper_study.SMALL if o.small else paper_study.FULL
-        size_options = {"boards": o.boards, "rest_s": o.rest_s, "record_s": o.record_s}
-        size = size._replace(**{k: v for k, v in size_options.items() if v is not None})
+        size_overrides = {"boards": o.boards, "rest_s": o.rest_s, "record_s": o.record_s}
+        size = size._replace(**{k: v for k, v in size_overrides.items() if v is not None})
         job = paper_study.Study(checked, o.out, size, workers=o.workers, progress=progress)
         with job.lock_folder():
             job.run()

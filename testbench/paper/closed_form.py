@@ -41,23 +41,23 @@ def cases_deg(config):
 
 def case_values(config, temp_degc):
     """{name: Value} of one register set at a temperature, names as `measure.characterise` has them."""
-    observables, p = derived.derive(config, temp_degc), loop_parameters.loop_parameters(config, temp_degc)
+    derived_values, p = derived.derive(config, temp_degc), loop_parameters.loop_parameters(config, temp_degc)
     device = thermal.device_at_temperature(config.device(), temp_degc)
-    psi_rad = math.radians(observables.xe1_deg + observables.xe2_deg)
+    psi_rad = math.radians(derived_values.xe1_deg + derived_values.xe2_deg)
     force_n = device.mass_kg * (2 * math.pi * device.fx_hz) ** 2 * p.amplitude_m / device.qx
     values = {
-        "scale_lsb_per_dps": observables.lsb_per_dps,
-        "bias_dps": observables.bias_dps,
-        "quadrature_v": observables.quadrature_v,
+        "scale_lsb_per_dps": derived_values.lsb_per_dps,
+        "bias_dps": derived_values.bias_dps,
+        "quadrature_v": derived_values.quadrature_v,
         "bandwidth_hz": advisor.bandwidth(loops.close(p))[0],
-        "arw_deg_per_rt_h": observables.arw_deg_per_rt_h,
-        "instability_deg_per_h": observables.instability_deg_per_h,
+        "arw_deg_per_rt_h": derived_values.arw_deg_per_rt_h,
+        "instability_deg_per_h": derived_values.instability_deg_per_h,
         "drive_v": force_n / (abs(device.k_vf_drive_n_per_v) * math.cos(psi_rad)),
     }
     return {name: Value(value) for name, value in values.items() if value is not None and math.isfinite(value)}
 
 
-def instability_floor(config, temp_degc):
+def instability_values(config, temp_degc):
     """{name: Value} of the bias instability, of words at zero; empty where there is no 1/f noise."""
     value = derived.derive(bare(config), temp_degc).instability_deg_per_h
     return {"instability_deg_per_h": Value(value)} if value is not None and math.isfinite(value) else {}
@@ -65,7 +65,7 @@ def instability_floor(config, temp_degc):
 
 def settings(config):
     """{quantity: numbers} of what the model has as the paper has it; with the symbol where two share one."""
-    plant, record, board = config.plant, config.design_record(), chips.design_chips(config.design)
+    plant, record, board = config.plant, config.design_record(), chips.dac_chips(config.design)
     return {
         "resonator operating frequency": (plant.fx_hz / 1e3,),
         "modal frequency split": (abs(plant.fy_hz - plant.fx_hz),),

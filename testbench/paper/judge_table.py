@@ -30,8 +30,8 @@ def format_value(value, digits=5):
 def paper_means():
     """{quantity: {temperature: (value, sigma)}} of the paper's cases 1 to 3."""
     rows = numbers.numbers()
-    matches = {NAME_OF[s]: [n for n in rows if n.symbol == s and n.case == numbers.MEAN] for s in MEANS}
-    return {name: {n.temp_degc: (n.values[0], n.sigma) for n in mine} for name, mine in matches.items()}
+    rows_by_name = {NAME_OF[s]: [n for n in rows if n.symbol == s and n.case == numbers.MEAN] for s in MEANS}
+    return {name: {n.temp_degc: (n.values[0], n.sigma) for n in mine} for name, mine in rows_by_name.items()}
 
 
 def short(text):
@@ -45,8 +45,8 @@ def _row_cells(row, notes):
     name = short(n.quantity.replace(", mean over cases 1-3", ""))
     paper = n.text if len(n.text) < 12 else short(n.text)
     # of several bounds the one that decides; else the number itself, not a difference of it
-    model_part = row.parts[0] if row.parts and not row.parts[0].bound else part
-    model = model_part.model if model_part else None
+    displayed_part = row.parts[0] if row.parts and not row.parts[0].bound else part
+    model = displayed_part.model if displayed_part else None
     pull = part.pull if part and part.pull is not None else None
     return (
         name,
@@ -73,20 +73,20 @@ def _notes(row):
 
 def tables(rows):
     """[Table of all rows, Table of what the notes say] of `judge.rows`."""
-    texts = list(dict.fromkeys(text for row in rows for text in _notes(row)))
-    number = {text: f"({k})" for k, text in enumerate(texts, 1)}
+    note_texts = list(dict.fromkeys(text for row in rows for text in _notes(row)))
+    number = {text: f"({k})" for k, text in enumerate(note_texts, 1)}
     cells = [_row_cells(row, " ".join(number[text] for text in _notes(row))) for row in rows]
     table = Table(f"Each number that the paper prints ({len(rows)})", HEADS, cells, NOTE, (4, 5, 6, 7, 8))
-    return [table, Table("Notes", ("note", "text"), [(number[t], t) for t in texts], numeric=())]
+    return [table, Table("Notes", ("note", "text"), [(number[t], t) for t in note_texts], numeric=())]
 
 
 def document(rows):
     """[Table of all rows with the basis of each verdict, Table of the fitted values behind them] for a page."""
-    rows_by_keys = {}
+    rows_by_fitted_keys = {}
     for row in rows:
         if row.rule.role in ("fitted", "free"):
-            rows_by_keys.setdefault(row.rule.rests_on, []).append(row)
-    letter = {keys: chr(ord("A") + k) for k, keys in enumerate(rows_by_keys)}
+            rows_by_fitted_keys.setdefault(row.rule.rests_on, []).append(row)
+    letter = {keys: chr(ord("A") + k) for k, keys in enumerate(rows_by_fitted_keys)}
     cells = []
     for row in rows:
         name, case, temp, _, paper = _row_cells(row, "")[:5]
@@ -94,7 +94,7 @@ def document(rows):
         cells.append((name, case, temp, f"{paper}{sigma}", row.rule.role, letter.get(row.rule.rests_on, ""),
                       row.verdict, row.basis))  # fmt: skip
     heads = ("quantity", "case", "degC", "paper", "role", "rests on", "verdict", "basis")
-    keys = [(letter[k], ", ".join(f"`{key}`" for key in k)) for k in rows_by_keys]
+    keys = [(letter[k], ", ".join(f"`{key}`" for key in k)) for k in rows_by_fitted_keys]
     return [Table("", heads, cells, numeric=()), Table("", ("", "fitted values"), keys, numeric=())]
 
 

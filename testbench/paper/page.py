@@ -33,7 +33,7 @@ SENSE = (
     "hertz and takes "
     "the nonlinearity away; ye2 (4 to 5) moves the zero-rate output a little and nothing else."
 )
-COMPARISON = (
+COMPARISON_CAPTION = (
     "What to see: marks are the model's, with one sigma; crosses are what the paper prints for the mean of cases "
     "1 to 3. "
     "Which of these values were put in or fitted, and which are predicted, is in the first table."
@@ -51,17 +51,17 @@ def printed_phases():
     return {n.symbol[4:]: (n.values[0], n.sigma) for n in phase_numbers}
 
 
-def explain_cases(config, points, calibration):
+def explain_case_nonlinearity(config, points, calibration):
     """{(case, temperature): (`nonlinearity.Explained`, sigma)} of cases 1 to 3."""
     ceiling_v = config.firmware.quadrature_ceiling_v
     out = {}
     for (case, temp), p in points.items():
         if case in ("1", "2", "3"):
             words = calibration["cases_deg"][case]
-            residual_deg = simulated.residual_phases_deg(config, calibration, words, temp)
+            residual_phases_deg = simulated.residual_phases_deg(config, calibration, words, temp)
             rates = measure_scale.RATES_DPS
             explanation = nonlinearity.explain_nonlinearity(
-                rates, p["scale_words"], p["quadrature_v_of_rate"], ceiling_v, residual_deg
+                rates, p["scale_words"], p["quadrature_v_of_rate"], ceiling_v, residual_phases_deg
             )
             out[case, temp] = explanation, p.get("nonlinearity_sigma_ppm") or 0.0
     return dict(sorted(out.items()))
@@ -70,8 +70,8 @@ def explain_cases(config, points, calibration):
 def prediction_sentence(rows):
     """What is predicted, in one sentence."""
     names = dict.fromkeys(judge_table.short(row.number.quantity) for row in rows if row.verdict == "predicted")
-    quantity_names = "; ".join(names) if names else "nothing"
-    return f"Predicted, that is neither put in nor fitted, and met: {quantity_names}."
+    quantity_text = "; ".join(names) if names else "nothing"
+    return f"Predicted, that is neither put in nor fitted, and met: {quantity_text}."
 
 
 def _cases(points, names, *rest):
@@ -85,7 +85,7 @@ def pictures(study, parts):
     phases = printed_phases() if config.is_paper_board else {}
     yield opening.waterfall(budget(closed_form.bare(config), 25.0), phases)
     title = "Five cases beside the paper"
-    yield _cases(points, ("1", "2", "3", "4", "5"), means, title, COMPARISON, "cases_beside_the_paper")
+    yield _cases(points, ("1", "2", "3", "4", "5"), means, title, COMPARISON_CAPTION, "cases_beside_the_paper")
     yield drive.drive_errors(laws["drive"], config)
     if records:
         yield drive.phase_record(records, ("xe1", "xe2"), 3)
@@ -143,7 +143,7 @@ def stage_results(study):
         "boards": study.boards(),
         "records": study.record(),
         "influence": study.influence(last),
-        "explained": explain_cases(study.config, points, one),
+        "explained": explain_case_nonlinearity(study.config, points, one),
         "wide": {case: rows["nonlinearity_ppm"] for case, rows in laws["rail"].items()},
     }
 
@@ -170,15 +170,15 @@ def write(study, path=None):
 
 def _write_files(study, path, parts, model, compared, notes):
     write_text(path.parent / "judged.json", json.dumps(simulated.as_json(model), indent=1, sort_keys=True) + "\n")
-    picture_blocks = []
+    picture_html = []
     for picture in pictures(study, parts):
         files, png = figure_files.write(picture, path.parent / FOLDER)
         links = [(kind.upper(), f"{FOLDER}/{file.name}") for kind, file in files.items()]
-        picture_blocks.append(report.picture_html(png, picture.caption, links))
+        picture_html.append(report.picture_html(png, picture.caption, links))
     head = report.head_html("The paper's experiments on the virtual gyroscope", notes)
     write_text(
         path,
         report.page_html(
-            "The paper's experiments", [*head, *picture_blocks, *report.tables_html(tables(study, parts, compared))]
+            "The paper's experiments", [*head, *picture_html, *report.tables_html(tables(study, parts, compared))]
         ),
     )

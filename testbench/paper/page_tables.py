@@ -77,9 +77,9 @@ def noise_table(noise, derived):
     arw, floor = "arw_deg_per_rt_h", "instability_deg_per_h"
     rows = []
     for source, want in derived.items():
-        only_label, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
-        rows.append((source, *(cell(x, arw, 4) for x in (only_label, off)), format_value(want.get(arw), 4),
-                     *(cell(x, floor, 3) for x in (only_label, off)), format_value(want.get(floor), 3)))  # fmt: skip
+        only_set, off = (source, "") if source in noise else (f"only {source}", f"without {source}")
+        rows.append((source, *(cell(x, arw, 4) for x in (only_set, off)), format_value(want.get(arw), 4),
+                     *(cell(x, floor, 3) for x in (only_set, off)), format_value(want.get(floor), 3)))  # fmt: skip
     return Table(
         "Noise of case 5: each source alone, and without it",
         ("source", "ARW, alone (deg/sqrt(h))", "without it", "derived", "bias instability, alone (deg/h)", "without it",
@@ -171,11 +171,11 @@ def response_difference(points, configs):
     return out
 
 
-def response_table(differences):
+def response_table(differences_by_case):
     return Table(
         "Response of the simulated gyroscope less the linear loop, 0.5 to 60 Hz",
         ("case", "largest (dB)", "largest (deg)"),
-        [(case, f"{db:.4f}", f"{deg:.3f}") for case, (db, deg) in differences.items()],
+        [(case, f"{db:.4f}", f"{deg:.3f}") for case, (db, deg) in differences_by_case.items()],
         numeric=(1, 2),
     )
 
@@ -209,7 +209,7 @@ def misprint_table(config):
 def rail_table(explained, wide):
     """Nonlinearity of cases 1 to 3: `nonlinearity.Explained` of each point; with more span of V_q at 25 degC."""
     rows = [
-        (f"case {case}, {temp:g} degC", f"{e.measured_ppm:.0f}", f"{sigma:.0f}", f"{e.unclipped_ppm:.0f}",
+        (f"case {case}, {temp:g} degC", f"{e.measured_ppm:.0f}", f"{sigma:.0f}", f"{e.unrailed_ppm:.0f}",
          f"{e.rail_ppm:.0f}",
          *("-" if math.isnan(knee) else f"{knee:.0f}" for knee in (e.ceiling_dps, e.zero_dps)),
          f"{wide[case]:.0f}" if temp == 25.0 and case in wide else "-")

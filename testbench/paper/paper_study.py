@@ -16,7 +16,7 @@ from typing import NamedTuple
 from testbench.campaign import collect, execute
 from testbench.campaign.campaign_progress import Progress
 from testbench.campaign.plan import plan
-from testbench.campaign.pool import InProcess, Pool
+from testbench.campaign.pool import InProcessExecutor, Pool
 from testbench.campaign.store import Store
 from testbench.config.toml_text import short_toml
 from testbench.errors import ConfigError, FileError
@@ -24,7 +24,7 @@ from testbench.paper import cases, phase_laws
 from testbench.paper.calibration import calibration_boards, calibrations
 from testbench.paper.loop import sensitivity
 from testbench.paper.measure import record_phases
-from testbench.paper.measure.characterise import choose_engine, restore_curves
+from testbench.paper.measure.characterise import choose_engine, decode_curves
 from testbench.paper.stages import Job, Stages
 from testbench.storage.files import explain, hold_lock
 
@@ -61,7 +61,7 @@ def check(config):
                 )
 
 
-def _calibrate_board(config, engine):
+def _calibrate_base_board(config, engine):
     return calibrations.many(config, 1, None, 25.0, True, None, engine)[0]
 
 
@@ -93,16 +93,16 @@ class Study:
         self.points()
 
     def _calibration(self):
-        return Job("calibration", None, _calibrate_board, (self.config, choose_engine(self.config)))
+        return Job("calibration", None, _calibrate_base_board, (self.config, choose_engine(self.config)))
 
     def calibration(self):
         """The base board, calibrated from words at zero, with the minimum of A_d beside the detuning."""
         return self.stages.results([self._calibration()])["calibration"]
 
     def _boards(self):
-        arguments = self.config, self.seed
+        shared_arguments = self.config, self.seed
         return [
-            Job(f"board_{k:03d}", [self.seed, k], _board, (*arguments, k, choose_engine(self.config)))
+            Job(f"board_{k:03d}", [self.seed, k], _board, (*shared_arguments, k, choose_engine(self.config)))
             for k in range(self.size.boards)
         ]
 
@@ -116,15 +116,15 @@ class Study:
 
     def plan(self):
         """`Plan` of the campaign: cases at temperatures, every other key as in the configuration."""
-        case_words = {str(k): self.cases_deg()[str(k)] for k in self.size.case_numbers}
+        words_by_case = {str(k): self.cases_deg()[str(k)] for k in self.size.case_numbers}
         sizes = self.size.rest_s, self.size.temperatures_degc
-        return plan.read(cases.write_plan(self.directory / "paper.toml", self.config, case_words, *sizes))
+        return plan.read(cases.write_plan(self.directory / "paper.toml", self.config, words_by_case, *sizes))
 
     def points(self, show=None):
         """{(case, temperature): numbers and curves} of the campaign, run where it is missing."""
         began = time.monotonic()
         campaign_plan = self.plan()
-        executor = Pool(self.workers) if self.workers else InProcess()
+        executor = Pool(self.workers) if self.workers else InProcessExecutor()
         report = execute.run(campaign_plan, self.directory / "store", executor, show or Progress(quiet=True))
         if report.done:
             self.stages.save_duration("campaign", time.monotonic() - began)
@@ -140,29 +140,29 @@ class Study:
             for name, variable in variables.items():
                 data = variable.data
                 values[name] = data.item() if hasattr(data, "item") and getattr(data, "ndim", 1) == 0 else data
-            values = restore_curves({k: v.decode() if isinstance(v, bytes) else v for k, v in values.items()})
+            values = decode_curves({k: v.decode() if isinstance(v, bytes) else v for k, v in values.items()})
             out[case, temp] = values
         return out
 
     def _law_jobs(self):
         """Jobs of the laws by name; the shares of the noise last."""
-        arguments = self.config, self.cases_deg()
+        shared_arguments = self.config, self.cases_deg()
         jobs = [
-            Job("law_scale", None, phase_laws.scale_law, arguments),
-            Job("law_sense", None, phase_laws.sense_law, arguments),
-            Job("law_drive", None, phase_laws.drive_law, arguments),
-            Job("law_rail", None, phase_laws.rail_law, arguments),
+            Job("law_scale", None, phase_laws.scale_law, shared_arguments),
+            Job("law_sense", None, phase_laws.sense_law, shared_arguments),
+            Job("law_drive", None, phase_laws.drive_law, shared_arguments),
+            Job("law_rail", None, phase_laws.rail_law, shared_arguments),
         ]
         for name, length_s in self.noise_lengths_s().items():
             file = f"noise_{name.replace(', ', '_').replace(' ', '_')}"
-            jobs.append(Job(file, length_s, phase_laws.measure_noise, (*arguments, name, length_s)))
+            jobs.append(Job(file, length_s, phase_laws.measure_noise, (*shared_arguments, name, length_s)))
         return jobs
 
     def laws(self):
         """{"scale", "sense", "drive", "rail": rows of `law`, "noise": {set: numbers}, if there is any}."""
-        results = self.stages.results(self._law_jobs())
-        out = {name.removeprefix("law_"): rows for name, rows in results.items() if name.startswith("law_")}
-        noise = [rows for name, rows in results.items() if name.startswith("noise_")]
+        result_by_job = self.stages.results(self._law_jobs())
+        out = {name.removeprefix("law_"): rows for name, rows in result_by_job.items() if name.startswith("law_")}
+        noise = [rows for name, rows in result_by_job.items() if name.startswith("noise_")]
         return out | ({"noise": dict(zip(self.noise_lengths_s(), noise))} if noise else {})
 
     def noise_lengths_s(self):
@@ -184,5 +184,5 @@ class Study:
 
     def record(self):
         """{case: rows of its phase record}, or none."""
-        results = self.stages.results(self._record())
-        return {name.removeprefix("record_"): rows for name, rows in results.items()}
+        rows_by_job = self.stages.results(self._record())
+        return {name.removeprefix("record_"): rows for name, rows in rows_by_job.items()}

@@ -61,7 +61,7 @@ def _scale(config):
             "inverse_cosine_ye1": 1 / math.cos(math.radians(deg["ye1"]))}  # fmt: skip
 
 
-def set_residuals(base, words, **deg):
+def set_residual_phases(base, words, **deg):
     """Configuration with the words of a case, turned so that these residual phases (deg) are left where it leaves 0."""
     turned = dict(words)
     for node, angle in deg.items():
@@ -75,12 +75,12 @@ def scale_law(base, cases_deg, angles_deg=SCALE_YE1_DEG):
     `law` = 1/cos(ye1 + xe2') and `eq12` = 1/cos(ye1) are relative to the same case; difference in ppm.
     """
     last = cases_deg["5"]
-    sets = {f"case {k}": set_residuals(base, words) for k, words in cases_deg.items()}
-    sets |= {f"ye1 {a:g}": set_residuals(base, last, ye1=a) for a in angles_deg}
-    scales = {name: _scale(config) for name, config in sets.items()}
-    unit = scales["case 5"]
+    sets = {f"case {k}": set_residual_phases(base, words) for k, words in cases_deg.items()}
+    sets |= {f"ye1 {a:g}": set_residual_phases(base, last, ye1=a) for a in angles_deg}
+    scale_by_set = {name: _scale(config) for name, config in sets.items()}
+    unit = scale_by_set["case 5"]
     rows = []
-    for name, item in scales.items():
+    for name, item in scale_by_set.items():
         ratio = item["lsb_per_dps"] / unit["lsb_per_dps"]
         law = item["inverse_cosine"] / unit["inverse_cosine"]
         eq12 = item["inverse_cosine_ye1"] / unit["inverse_cosine_ye1"]
@@ -100,7 +100,7 @@ def sense_law(base, cases_deg, angles_deg=SENSE_DEG):
     """Rows of K with ye1 and ye2 of case 5 left at each pair of angles: the paper's Fig. 6a."""
     last = cases_deg["5"]
     return [
-        _scale(set_residuals(base, last, ye1=a, ye2=b)) | {"ye1": a, "ye2": b}
+        _scale(set_residual_phases(base, last, ye1=a, ye2=b)) | {"ye1": a, "ye2": b}
         for b in angles_deg[1]
         for a in angles_deg[0]
     ]
@@ -129,7 +129,7 @@ def _drive(config):
 def drive_law(base, cases_deg, angles_deg=DRIVE_XE1_DEG):
     """Rows over xe1, xe2 compensated, with the rate and the sense phases of the paper's simulation."""
     sense = {"ye1": DRIVE_YE1_DEG, "ye2": DRIVE_YE2_DEG}
-    return [_drive(set_residuals(base, cases_deg["5"], xe1=a, **sense)) for a in angles_deg]
+    return [_drive(set_residual_phases(base, cases_deg["5"], xe1=a, **sense)) for a in angles_deg]
 
 
 def rail_law(base, cases_deg):
@@ -138,7 +138,7 @@ def rail_law(base, cases_deg):
             "plant.quad_dac_span_v": SPAN_PART * base.plant.quad_dac_span_v,
             "firmware.quadrature_ceiling_v": SPAN_PART * base.firmware.quadrature_ceiling_v}  # fmt: skip
     wide = configuration.changed(base, more)
-    return {case: nonlinearity.read(set_residuals(wide, cases_deg[case])) for case in ("1", "2", "3")}
+    return {case: nonlinearity.read(set_residual_phases(wide, cases_deg[case])) for case in ("1", "2", "3")}
 
 
 def derived_noise(config):
@@ -165,7 +165,7 @@ def _quiet_allan(config, seconds, lsb_per_dps):
     bench.wait(4.0)
     pieces = []
     for _ in range(max(1, round(seconds / 10.0))):
-        pieces.append(measure_allan.average_rows(bench.record(10.0)["rate_word"].astype(float)))
+        pieces.append(measure_allan.average_row_blocks(bench.record(10.0)["rate_word"].astype(float)))
     rate = np.concatenate(pieces) / lsb_per_dps
     allan = measure_allan.analyse(rate, measure_allan.BASE_FRAMES * bench.frame_s)
     return {"arw_deg_per_rt_h": allan.arw_deg_per_rt_h, "instability_deg_per_h": allan.instability_deg_per_h}
@@ -186,6 +186,6 @@ def measure_noise(base, cases_deg, name, seconds):
 
     The scale factor is that of the linear loop.
     """
-    config = set_residuals(base, cases_deg["5"])
+    config = set_residual_phases(base, cases_deg["5"])
     unit = advisor.dc_gain(loops.close(loop_parameters.loop_parameters(config))) * loops.DEG
     return _quiet_allan(configuration.changed(config, NOISE_SETS[name]), seconds, unit)

@@ -54,7 +54,7 @@ def _stated_sigma(point, name):
     return point.get(f"{what}_sigma_{unit}") or 0.0
 
 
-def point_values(study_points):
+def point_values(point_results):
     """{(case, degC): {name: Value}} of the numbers of a study's points."""
     return {
         key: {
@@ -62,7 +62,7 @@ def point_values(study_points):
             for n in NAME_OF.values()
             if n != BY_FORMULA and point.get(n) is not None
         }
-        for key, point in study_points.items()
+        for key, point in point_results.items()
     }
 
 
@@ -74,7 +74,7 @@ def excursion_deg(records):
 
 def with_closed_forms(config, simulated):
     """The `Model` with what takes no simulation: bias instability, rise of phases, changes of the loop, settings."""
-    floor = {t: closed_form.instability_floor(config, t) for _, t in simulated.points}
+    floor = {t: closed_form.instability_values(config, t) for _, t in simulated.points}
     return simulated._replace(
         points={(case, t): values | floor[t] for (case, t), values in simulated.points.items()},
         rise_deg=closed_form.rise_deg(config),
@@ -83,23 +83,23 @@ def with_closed_forms(config, simulated):
     )
 
 
-def model(config, calibration, study_points, records):
+def model(config, calibration, point_results, records):
     """`Model` of a study: its calibration, its points, its records; the rest is in closed form."""
     error = {n: Value(abs(calibration["residual_deg"][n]), calibration["uncertainty_deg"][n] / FACTOR) for n in NODES}
     simulated = Model(
-        SOURCE, node_deg(config, calibration), error, excursion_deg(records), points=point_values(study_points)
+        SOURCE, node_deg(config, calibration), error, excursion_deg(records), points=point_values(point_results)
     )
     return with_closed_forms(config, simulated)
 
 
-def as_json(results):
+def as_json(study_model):
     """What was simulated of a `Model`, as plain data: {"points": {"CASE, DEGC": {name: [value, sigma]}}, ...}."""
     return {
         "points": {
             f"{case}, {temp:g}": {n: v for n, v in values.items() if n != BY_FORMULA}
-            for (case, temp), values in results.points.items()
+            for (case, temp), values in study_model.points.items()
         },
-        **{name: dict(getattr(results, name)) for name in ("node_deg", "residual_deg", "excursion_deg")},
+        **{name: dict(getattr(study_model, name)) for name in ("node_deg", "residual_deg", "excursion_deg")},
     }
 
 

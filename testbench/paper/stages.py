@@ -69,8 +69,8 @@ def _sha256(result):
 def _read_stage(path, digest):
     """`StageFile` made from `digest`; None if there is none, or if it is damaged: then it is done again."""
     try:
-        stage = inputs.read_json(path, StageFile, inputs.most_bytes())
-        return stage if stage.made_from == digest and stage.sha256 == _sha256(stage.result) else None
+        contents = inputs.read_json(path, StageFile, inputs.most_bytes())
+        return contents if contents.made_from == digest and contents.sha256 == _sha256(contents.result) else None
     except FileError:
         return None
 
@@ -83,10 +83,10 @@ def _do(path, digest, job):
     return time.monotonic() - began
 
 
-def _start_worker():
+def _prepare_worker():
     """A worker's first act: Ctrl-C is main's to act on, and no worker outlives it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    pool.follow_main()
+    pool.exit_with_main()
 
 
 class Stages:
@@ -135,7 +135,7 @@ class Stages:
             return
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(PRELOADED)
-        with ProcessPoolExecutor(min(self.workers, len(jobs)), context, _start_worker) as executor:
+        with ProcessPoolExecutor(min(self.workers, len(jobs)), context, _prepare_worker) as executor:
             running = {executor.submit(_do, *task): task[-1].name for task in tasks}
             try:
                 for number, future in enumerate(as_completed(running), 1):

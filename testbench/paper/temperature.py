@@ -35,11 +35,11 @@ def drift_limits_k(config, temp_degc=25.0, level_deg=LEVEL_DEG, reach_k=80.0):
     limits = {node: [] for node in NODES}
     for sign in (-1, 1):
         steps = [k for k in range(1, int(reach_k) + 1) if -55.0 <= temp_degc + sign * k <= 125.0]
-        drifted = phases(config, [temp_degc + sign * k for k in steps])
+        drifted_phases = phases(config, [temp_degc + sign * k for k in steps])
         for node in NODES:
-            exceeding = [k for k, value in zip(steps, drifted[node]) if abs(value - start[node][0]) > level_deg]
+            exceeding = [k for k, value in zip(steps, drifted_phases[node]) if abs(value - start[node][0]) > level_deg]
             limits[node].append(float(exceeding[0]) if exceeding else math.inf)
-    return {node: tuple(pair) for node, pair in limits.items()}
+    return {node: tuple(limit_pair) for node, limit_pair in limits.items()}
 
 
 def rise_after_s(heating_k, tau_s, band_k):

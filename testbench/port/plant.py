@@ -48,10 +48,10 @@ def unread(config, keys):
     """{key: value} of what is not at its default and not among the keys that a library reads."""
     default, unread_values = Config(), {}
     for section in SECTIONS:
-        defaults = getattr(default, section).model_dump()
+        section_defaults = getattr(default, section).model_dump()
         for key, value in getattr(config, section).model_dump().items():
             name = f"{section}.{key}"
-            if value != defaults[key] and name != SEED and not reads(keys, name):
+            if value != section_defaults[key] and name != SEED and not reads(keys, name):
                 unread_values[name] = value
     return unread_values
 
@@ -74,7 +74,7 @@ class Plant:
         _check_supported(config, engine)
         s = config.scenario
         plant_library = plant_loader.open_library(s.plant)
-        file_text = read_text(s.plant_file) if s.plant_file else ""
+        plant_file_text = read_text(s.plant_file) if s.plant_file else ""
         self.unseen = unread(config, plant_library.keys)
         for key in self.unseen:
             if key.startswith("effects."):
@@ -83,8 +83,8 @@ class Plant:
                 )
         self.identity = {"plant": plant_library.sha256}
         if s.plant_file:
-            self.identity["plant_file"] = hashlib.sha256(file_text.encode()).hexdigest()
-        self._instance = plant_loader.Instance(plant_library, configuration_text(config), file_text)
+            self.identity["plant_file"] = hashlib.sha256(plant_file_text.encode()).hexdigest()
+        self._instance = plant_loader.Instance(plant_library, configuration_text(config), plant_file_text)
         self.params = foreign.mailboxes(self._instance.step, self._instance.address)
 
     def power_on(self, params, state, seed, temp_degc):
@@ -96,10 +96,10 @@ class Plant:
         box = self.params
         self._instance.call("reset", int(seed), drive, sense, float(temp_degc), box.adc.ctypes.data)
         first, second = (int(v) for v in box.adc[foreign.DRDY :])
-        if not (params.adc.tick_clocks <= first and first + foreign.LEAST_DRDY_CLOCKS <= second):
+        if not (params.adc.tick_clocks <= first and first + foreign.LEAST_DRDY_INTERVAL <= second):
             self._instance.fail(
                 f"gyro_plant_reset: drdy = {first}, {second} clocks; the first falls {params.adc.tick_clocks} clocks "
-                f"after power-on or later, the second {foreign.LEAST_DRDY_CLOCKS} or more after it"
+                f"after power-on or later, the second {foreign.LEAST_DRDY_INTERVAL} or more after it"
             )
         foreign.promise(params.adc, state.adc.clock, first, second)
         self.first_drdy = first
@@ -113,7 +113,7 @@ class Plant:
         kind, tick, which, value = (int(v) for v in self.params.failed)
         if kind == foreign.NOTHING:
             return
-        messages = {
+        message_by_kind = {
             foreign.RETURNED: lambda: f"gyro_plant_step: {self._instance.line(value)}",
             foreign.CODE: lambda: f"code of adc_{CHANNELS[which]} is {value}, outside {adc.CODE_LO} .. {adc.CODE_HI}",
             foreign.PROMISE: lambda: (
@@ -121,12 +121,12 @@ class Plant:
                 if which >= 0
                 else f"drdy is {value} clocks, expected 0 or more"
             ),
-            foreign.DRDY_INTERVAL: lambda: (
-                f"drdy {which} and {value} clocks are less than {foreign.LEAST_DRDY_CLOCKS} apart"
+            foreign.SHORT_DRDY_INTERVAL: lambda: (
+                f"drdy {which} and {value} clocks are less than {foreign.LEAST_DRDY_INTERVAL} apart"
             ),
             foreign.NOT_FINITE: lambda: f"motion {MOTIONS[which]} is not finite",
         }
-        self._instance.fail(f"tick {tick}: {messages[kind]()}")
+        self._instance.fail(f"tick {tick}: {message_by_kind[kind]()}")
 
     def notes(self):
         """Sentences on what runs here, and on what it does not see."""

@@ -12,7 +12,7 @@ Source  docs/register_map.md
 """
 
 from fpga_model.design_record import DEFAULT
-from testbench.register_map.words import WORD_BITS, design_map, lsb, unit, words
+from testbench.register_map.words import WORD_BITS, design_register_map, lsb, unit, words
 
 NAME = "gyro_registers"
 HEAD = f"""\
@@ -83,7 +83,7 @@ def _reg(word):
 
 def text(design=DEFAULT):
     """The file of a design."""
-    body = "\n\n".join(_reg(word) for word in words(design_map(design)))
+    body = "\n\n".join(_reg(word) for word in words(design_register_map(design)))
     return f"""{HEAD}
 addrmap {NAME} {{
     name = "FTR gyro";

@@ -57,7 +57,7 @@ class Word(NamedTuple):
     fields: tuple
 
 
-def design_map(design):
+def design_register_map(design):
     """`MAP` of a design: phases have its `dds_bits`, and reset values are its own."""
     reset = registers.reset(design)
     for r in MAP:
@@ -82,13 +82,13 @@ def _fields(register, low_bit, width):
     """Fields of a word that holds `width` bits of a register."""
     has_reset = register.access != "ro" or not register.path
     raw = registers.to_bus(register.reset, register.fmt) >> low_bit if has_reset else None
-    bit_ranges = FIELDS.get(register.name, {"VALUE": (0, width)})
+    bits_by_field = FIELDS.get(register.name, {"VALUE": (0, width)})
 
     def reset(low, size):
         return None if raw is None else raw >> low & ((1 << size) - 1)
 
     values = VALUES.get(register.name, ())
-    return tuple(Field(name, low, size, reset(low, size), values) for name, (low, size) in bit_ranges.items())
+    return tuple(Field(name, low, size, reset(low, size), values) for name, (low, size) in bits_by_field.items())
 
 
 def words(register_map=MAP):

@@ -104,10 +104,10 @@ class AnomalyDetector:
         blocks = max(0, codes.shape[1] - 2 * RING_FRAMES) // BLOCK_FRAMES
         self.recent = codes[:, blocks * BLOCK_FRAMES :].copy()
         codes = codes[:, : blocks * BLOCK_FRAMES + 2 * RING_FRAMES]
-        short_bends = _bends(codes[:, RING_FRAMES - 1 : codes.shape[1] - RING_FRAMES + 1], 1)
-        middle = np.partition(short_bends, BLOCK_FRAMES // 2)[..., BLOCK_FRAMES // 2]
+        neighbour_bends = _bends(codes[:, RING_FRAMES - 1 : codes.shape[1] - RING_FRAMES + 1], 1)
+        middle = np.partition(neighbour_bends, BLOCK_FRAMES // 2)[..., BLOCK_FRAMES // 2]
         limits = SIGMAS * np.maximum(middle / MEDIAN_SIGMAS, self.least)
-        self.jumps += (short_bends.max(axis=-1) > limits).sum(axis=1)
+        self.jumps += (neighbour_bends.max(axis=-1) > limits).sum(axis=1)
         ring_bends = _bends(codes[SENSE], RING_FRAMES).max(axis=-1)
         self.rings += int(((ring_bends > limits[SENSE]) & (ALIKE * ring_bends > ring_bends[::-1])).all(axis=0).sum())
 
@@ -193,6 +193,6 @@ def _rate_jumps(scenario):
 
 def _in_a_row(flags, before):
     """Number of True up to each place, in a row, continuing `before` of them; each row for itself."""
-    positions = np.arange(1, flags.shape[-1] + 1)
-    last_false = np.maximum.accumulate(np.where(flags, 0, positions), axis=-1)
-    return np.where(last_false == 0, positions + before, positions - last_false)
+    frame_numbers = np.arange(1, flags.shape[-1] + 1)
+    last_false = np.maximum.accumulate(np.where(flags, 0, frame_numbers), axis=-1)
+    return np.where(last_false == 0, frame_numbers + before, frame_numbers - last_false)

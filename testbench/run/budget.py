@@ -103,7 +103,7 @@ def pickoff_poles_s(base, channel, temp_degc):
     return tau_s, *(gain / (2 * math.pi * device.opamp_gbw_hz) for gain in gains)
 
 
-def _path_rows(firmware, channel, at):
+def _path_register_rows(firmware, channel, at):
     """Rows of the registers that one path has beyond the other."""
     counts = {"before": getattr(firmware, f"{channel}_sine_registers")}
     counts["behind"] = getattr(firmware, f"{channel}_code_registers")
@@ -130,12 +130,12 @@ def setpoint_amplitude_m(config, temp_degc):
 def _ring_note(config, temp_degc):
     """Where the ring diode leaves 1 %, and what the plant makes of it."""
     device = config.device()
-    text = f"Ring diode: its gain has lost 1 % at {1e6 * ring_levels.limit_m(device, temp_degc):.3g} um "
-    text += f"({temp_degc:g} degC, within 8 %); set-point {config.firmware.amplitude_um:g} um"
+    ring_text = f"Ring diode: its gain has lost 1 % at {1e6 * ring_levels.limit_m(device, temp_degc):.3g} um "
+    ring_text += f"({temp_degc:g} degC, within 8 %); set-point {config.firmware.amplitude_um:g} um"
     if device.ring_saturation_on:
         amplitude_um = 1e6 * setpoint_amplitude_m(config, temp_degc)
-        return f"{text}, held at {amplitude_um:.4g} um. It saturates in this plant (plant.ring_saturation_on = 1)."
-    return f"{text}. The plant keeps it linear (plant.ring_saturation_on = 0)."
+        return f"{ring_text}, held at {amplitude_um:.4g} um. It saturates in this plant (plant.ring_saturation_on = 1)."
+    return f"{ring_text}. The plant keeps it linear (plant.ring_saturation_on = 0)."
 
 
 def _amplifiers(config, temp_degc, f_hz):
@@ -165,7 +165,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
     temp_degc = number("temp_degc", temp_degc, *TEMPS_DEGC, "degC")
     firmware, base = config.firmware, config.device()
     device = thermal.device_at_temperature(base, temp_degc)
-    design, board = config.design_record(), chips.design_chips(config.design)
+    design, board = config.design_record(), chips.dac_chips(config.design)
     tick_clocks, clock_hz = design.tick_clocks, design.master_hz * (1 + 1e-6 * device.clock_ppm)
     tick_us, grid = f"{1e6 / design.tick_hz:g} us", f"{1e-6 * design.tick_hz:g} MHz"
     f = device.fx_hz if frequency_hz is None else number("frequency_hz", frequency_hz, 1.0, 1e6, "Hz")
@@ -181,7 +181,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("DDS output register", dds.LATENCY),
             at.clocks("sine pipeline", sine.LATENCY),
             at.clocks("extra pipeline registers", firmware.pipeline_registers),
-            *_path_rows(firmware, channel, at),
+            *_path_register_rows(firmware, channel, at),
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
             at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip, tick_clocks)),

@@ -117,7 +117,7 @@ def _check_nominal(d, drive_gain, sense_gain):
 def firmware(config):
     """Parameters of the FPGA. Raises ValueError if two ends of a wire have different formats."""
     f, n, d = config.firmware, nominal(config), config.nominal_device()
-    record, board = config.design_record(), chips.design_chips(config.design)
+    record, board = config.design_record(), chips.dac_chips(config.design)
     wiring.check(record)
     sid_part = digital_sid.design()
     if f.board == "digital_sid":
@@ -179,10 +179,10 @@ def firmware(config):
             record,
         ),
     )
-    return fpga_params._replace(control=_narrow_loops(fpga_params.control, config.design))
+    return fpga_params._replace(control=_round_loop_gains(fpga_params.control, config.design))
 
 
-def _narrow_loops(loops, design):
+def _round_loop_gains(loops, design):
     """The parameters of the four loops, their gains in the fraction bits of a [design], held by its accumulators."""
     for name in ("agc", "frequency_tracker", "rate_loop", "quadrature_loop"):
         one, key = getattr(loops, name), "coefficient_fraction_bits"
@@ -312,7 +312,7 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     on, seed = config.noise, config.noise.seed
     w = 2 * math.pi
 
-    def scaled_source(name, sigma, density, switch):
+    def noise_source(name, sigma, density, switch):
         return noise.source(seed, name, sigma(density, warm.fx_hz, tick_s), switch)
 
     at_carrier, force_density = noise.sigma_at_carrier, noise.thermomechanical_density
@@ -321,7 +321,7 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     cv_x, cv_y = (cv_noise.cv_density(d, temp_lo_degc, c) * abs(d.signal_gain) for c in ("drive", "sense"))
     rise = _switch_instants("plant.sid_switch_s", d.sid_switch_s, tick_s, clocks)
     fall = _switch_instants("plant.sid_switch_s + plant.sid_fall_s", d.sid_switch_s + d.sid_fall_s, tick_s, clocks)
-    board = chips.design_chips(config.design)
+    board = chips.dac_chips(config.design)
     converters = (
         dac.design(board.drive.bits, d.drive_dac_span_v, bow=d.drive_dac_bow, glitch_v_s=d.drive_dac_glitch_v_s),
         dac.design(board.sense.bits, d.sense_dac_span_v, bow=d.sense_dac_bow, glitch_v_s=d.sense_dac_glitch_v_s),
@@ -338,15 +338,15 @@ def analog(config, temp_lo_degc, temp_hi_degc):
         temp_count=knots.count,
         switch_tau_s=np.array([fall[0], rise[0]]),
         switch_carry=np.array([fall[1], rise[1]]),
-        sid=sid.design(float(tables.sid_rc_s[0]), tick_s, sid.device_injection(warm)),
+        sid=sid.design(float(tables.sid_rc_s[0]), tick_s, sid.device_injection_volts(warm)),
         adc=adc_part(config, warm, tick_s),
         noise=plant.Noise(
-            force_x=scaled_source("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
-            force_y=scaled_source("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
-            cv_x=scaled_source("cv_x", noise.sigma_demodulated, cv_x, on.cv),
-            cv_y=scaled_source("cv_y", noise.sigma_demodulated, cv_y, on.cv),
-            drive_dac=scaled_source("dac_drive", at_carrier, d.drive_dac_noise_v_per_rthz, on.dac),
-            sense_dac=scaled_source("dac_sense", at_carrier, d.sense_dac_noise_v_per_rthz, on.dac),
+            force_x=noise_source("force_x", at_carrier, force_density(damping_x, temp_lo_degc), on.thermomechanical),
+            force_y=noise_source("force_y", at_carrier, force_density(damping_y, temp_lo_degc), on.thermomechanical),
+            cv_x=noise_source("cv_x", noise.sigma_demodulated, cv_x, on.cv),
+            cv_y=noise_source("cv_y", noise.sigma_demodulated, cv_y, on.cv),
+            drive_dac=noise_source("dac_drive", at_carrier, d.drive_dac_noise_v_per_rthz, on.dac),
+            sense_dac=noise_source("dac_sense", at_carrier, d.sense_dac_noise_v_per_rthz, on.dac),
             edge_jitter=noise.source(seed, "edge_jitter", d.clock_jitter_s, on.jitter),
         ),
         effects=_effects(config, warm, tick_s),
@@ -368,9 +368,9 @@ def electrode_leads(config, device):
     """(u, w): ticks by which the mean of the drive and of the sense electrode leads a straight line (`law.Params`)."""
     f, tick_s, out = firmware(config), 1 / config.design_record().tick_hz, []
     for name, clock in zip(("drive", "sense"), path_clocks.dac_clocks(f)):
-        delay_s = clock * tick_s / f.design.tick_clocks + getattr(device, f"{name}_dac_delay_s")
+        output_delay_s = clock * tick_s / f.design.tick_clocks + getattr(device, f"{name}_dac_delay_s")
         poles = [getattr(device, f"{name}_pole_{k}_s") for k in (1, 2, 3)]
-        out.append(dac.end_share(delay_s % tick_s, poles, tick_s) - law.STRAIGHT)
+        out.append(dac.end_share(output_delay_s % tick_s, poles, tick_s) - law.STRAIGHT)
     return tuple(out)
 
 
@@ -435,7 +435,7 @@ def adc_part(config, d, tick_s):
 def params(config, temp_lo_degc, temp_hi_degc):
     """Parameters of the engine."""
     plant_params = analog(config, temp_lo_degc, temp_hi_degc)
-    parts = chips.parts(chips.design_chips(config.design))
+    parts = chips.parts(chips.dac_chips(config.design))
     return engine.Params(firmware(config), plant_params, sine.table(config.design_record()), parts)
 
 

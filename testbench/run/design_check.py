@@ -26,9 +26,9 @@ def default_only(config, what, keys=None):
         raise ConfigError(f'scenario.host = "{config.scenario.host}": {what} has writes of the bank\'s bus, "bus"')
     standard = type(config.design)()
     for key in keys or type(config.design).model_fields:
-        value, default = getattr(config.design, key), getattr(standard, key)
-        if value != default:
-            raise ConfigError(f"design.{key} = {value}: {what} is of the default design, {default}, alone")
+        design_value, default = getattr(config.design, key), getattr(standard, key)
+        if design_value != default:
+            raise ConfigError(f"design.{key} = {design_value}: {what} is of the default design, {default}, alone")
 
 
 def _frame(d, role):
@@ -56,7 +56,7 @@ def _frame(d, role):
 def _serial(d, role, ticks):
     """Refuse a frame or an SCLK that a role's part does not allow, and one that does not end within `ticks`."""
     _frame(d, role)
-    chip, divider = getattr(chips.design_chips(d), role), getattr(d, f"{role}_dac_divider")
+    chip, divider = getattr(chips.dac_chips(d), role), getattr(d, f"{role}_dac_divider")
     text = f"the {'V_q' if role == 'quadrature' else role} DAC {chip.name}"
     if d.master_hz > divider * chip.most_hz:
         bits, ratio = chip.master.bits, f" / {role}_dac_divider = {divider}" if divider > 1 else ""

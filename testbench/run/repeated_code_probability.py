@@ -26,8 +26,8 @@ def repeats(sigma_steps):
         return 1.0
     if sigma_steps > 5.0:
         return 1.0 / (2.0 * math.sqrt(math.pi) * sigma_steps)
-    cumulative = [0.5 * (1.0 + math.erf((k - 0.5) / (sigma_steps * math.sqrt(2.0)))) for k in range(-40, 42)]
-    return sum((b - a) ** 2 for a, b in itertools.pairwise(cumulative))
+    gaussian_cdf = [0.5 * (1.0 + math.erf((k - 0.5) / (sigma_steps * math.sqrt(2.0)))) for k in range(-40, 42)]
+    return sum((b - a) ** 2 for a, b in itertools.pairwise(gaussian_cdf))
 
 
 def adc_repeats(config):

@@ -5,7 +5,7 @@ Source  docs/phases.md
 """
 
 from analog_frontend import amplifier_use
-from testbench.console.text_table import Table, fixed_digits
+from testbench.console.text_table import Table, to_decimals
 from testbench.judge import phases as judged
 from testbench.run.budget import NODES
 from testbench.run.phase_meter import wrap_deg
@@ -33,12 +33,12 @@ def phases(summary):
         row = (
             node,
             NODE_TEXT[node],
-            fixed_digits(have, 4),
-            fixed_digits(spread.get(node), 4),
-            fixed_digits(want, 4),
-            fixed_digits(None if have is None or want is None else wrap_deg(have - want), 4),
-            fixed_digits(paper, 4),
-            fixed_digits(None if have is None or paper is None else have - paper, 4),
+            to_decimals(have, 4),
+            to_decimals(spread.get(node), 4),
+            to_decimals(want, 4),
+            to_decimals(None if have is None or want is None else wrap_deg(have - want), 4),
+            to_decimals(paper, 4),
+            to_decimals(None if have is None or paper is None else have - paper, 4),
         )
         rows.append(row)
     heads = ("phase", "from .. to", "measured deg", "1 sigma", "budget deg", "difference", "paper deg", "difference")
@@ -58,14 +58,14 @@ NUMBERS = {
 }
 
 
-def number_rows(summary):
+def results_table(summary):
     """The other results of a run."""
     rows = [("all loops locked", "yes" if summary.get("locked") else "NO", "")]
     for key, (text, unit, digits, factor) in NUMBERS.items():
         value = summary.get(key)
-        rows.append((text, fixed_digits(None if value is None else value * factor, digits), unit))
+        rows.append((text, to_decimals(None if value is None else value * factor, digits), unit))
     for node, value in (summary.get("loop_phase_deg") or {}).items():
-        rows.append((f"loop phase {node}' (node phase less the switch delay)", fixed_digits(value, 4), "deg"))
+        rows.append((f"loop phase {node}' (node phase less the switch delay)", to_decimals(value, 4), "deg"))
     if summary.get("codes_sha256"):
         kind, _, digest = summary["codes_sha256"].rpartition(":")
         what = "hash of all ADC codes and words" if kind else "hash of all DAC and ADC codes"
@@ -73,29 +73,29 @@ def number_rows(summary):
     return Table("Results", ("quantity", "value", "unit"), rows)
 
 
-def budget_node(budget, node, plain_deg=None):
-    """What contributes to one phase; `plain_deg` is its value without the assumptions about the paper's firmware."""
-    entries = [(row, "") for row in budget.rows[node]]
-    entries.append((None, f"node phase {node}"))
+def budget_node(budget, node, factual_deg=None):
+    """What contributes to one phase; `factual_deg` is its value without the assumptions about the paper's firmware."""
+    budget_entries = [(row, "") for row in budget.rows[node]]
+    budget_entries.append((None, f"node phase {node}"))
     if node in budget.loop_rows:
-        entries += [(row, "") for row in budget.loop_rows[node]]
-        entries.append((None, f"loop phase {node}'"))
+        budget_entries += [(row, "") for row in budget.loop_rows[node]]
+        budget_entries.append((None, f"loop phase {node}'"))
     rows, total = [], [0.0, 0.0, 0.0]
-    for row, text in entries:
+    for row, text in budget_entries:
         if row is None:
-            rows.append((text, fixed_digits(total[0], 2), fixed_digits(total[1], 2), fixed_digits(total[2], 4), ""))
+            rows.append((text, to_decimals(total[0], 2), to_decimals(total[1], 2), to_decimals(total[2], 4), ""))
             continue
         total = [total[0] + row.clocks, total[1] + row.ns, total[2] + row.degrees]
         rows.append(
-            (row.what, fixed_digits(row.clocks, 2), fixed_digits(row.ns, 2), fixed_digits(row.degrees, 4), row.assumed)
+            (row.what, to_decimals(row.clocks, 2), to_decimals(row.ns, 2), to_decimals(row.degrees, 4), row.assumed)
         )
-    if plain_deg is not None:
-        rows.append(("without re-timed references and extra frames", "", "", fixed_digits(plain_deg, 4), ""))
+    if factual_deg is not None:
+        rows.append(("without re-timed references and extra frames", "", "", to_decimals(factual_deg, 4), ""))
     paper = budget.paper_deg[node]
     paper_verdict = None if paper is None else judged.verdicts(budget.node_deg())[node]
     if paper_verdict:
-        rows.append(("the paper measured (node phase)", "", "", fixed_digits(paper, 4), paper_verdict["verdict"]))
-    sums = tuple(k for k, (row, _) in enumerate(entries) if row is None)
+        rows.append(("the paper measured (node phase)", "", "", to_decimals(paper, 4), paper_verdict["verdict"]))
+    sums = tuple(k for k, (row, _) in enumerate(budget_entries) if row is None)
     title = f"{node}  {NODE_TEXT[node]}, at {budget.frequency_hz:.1f} Hz"
     note = "Entries with a text on the right are assumptions, not facts about the board."
     if paper_verdict:
@@ -111,8 +111,8 @@ def budget_node(budget, node, plain_deg=None):
 
 def budget_tables(budget, plain=None):
     """One table for each of the four phases; `plain` is the budget without re-timed references and extra frames."""
-    plain_deg = plain.node_deg() if plain else {}
-    return [budget_node(budget, node, plain_deg.get(node)) for node in NODES]
+    factual_deg = plain.node_deg() if plain else {}
+    return [budget_node(budget, node, factual_deg.get(node)) for node in NODES]
 
 
 def budget_json(budget, plain=None):

@@ -41,7 +41,7 @@ STEP_DPS, STEP_S, STEP_TAIL_S = 150.0, 0.6, 0.25
 LEAST_DPS = 50.0  # of force, for ye1 to be read from
 OPEN_DPS, OPEN_S, PROBE_S = 60.0, 0.1, 0.3
 RANGE_PART = 0.2  # of the largest rate, and of the converter's range: no step is beyond it
-STEP_WINDOW_S = 0.05, 0.3  # of the rate step in the picture: before and after it
+STEP_PLOT_WINDOW_S = 0.05, 0.3  # of the rate step in the picture: before and after it
 SEGMENTS = ("start_up", "scenario", "diagnosis")
 
 
@@ -134,19 +134,19 @@ def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=None):
     sim.now = sim.conditions(rate_rad_s, temp_degc)
     if max(map(len, sim.now)) > 1:
         raise ConfigError("start: rate_rad_s and temp_degc are one number each; advance takes profiles")
-    start_up = StartUp(sim.design.frame_hz)
-    sim.sinks.append(start_up)
+    start_up_sink = StartUp(sim.design.frame_hz)
+    sim.sinks.append(start_up_sink)
     for name, raw in sim.first_writes:
         sim.write(name, raw)
     while not sim.locked and sim.tick < limit:
         sim.advance(min(LOCK_STEP_TICKS, limit - sim.tick), rate_rad_s, temp_degc)
         if progress:
             progress("start-up to lock", sim.tick, limit)
-    sim.sinks.remove(start_up)
+    sim.sinks.remove(start_up_sink)
     if not sim.locked:
         return None
     # a lock in the middle of the last frame has no row yet
-    return start_up.lock_s if start_up.lock_s is not None else sim.tick / sim.design.tick_hz
+    return start_up_sink.lock_s if start_up_sink.lock_s is not None else sim.tick / sim.design.tick_hz
 
 
 @dataclass
@@ -210,13 +210,13 @@ def _profiles(timeline, position, sim, ticks):
 def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     """The two diagnostic segments."""
 
-    def report_step(part):
+    def report_progress(part):
         if progress:
             progress("diagnosis", part, 4)
 
-    report_step(0)
-    nominal, device, slower = build.nominal(sim.config), sim.config.nominal_device(), pace(sim.config)
-    step_dps = min(STEP_DPS, RANGE_PART * device.sense_dac_span_v / abs(nominal["word_v_per_deg_s"]))
+    report_progress(0)
+    unit_scales, device, slower = build.nominal(sim.config), sim.config.nominal_device(), pace(sim.config)
+    step_dps = min(STEP_DPS, RANGE_PART * device.sense_dac_span_v / abs(unit_scales["word_v_per_deg_s"]))
     least_dps = LEAST_DPS / STEP_DPS * step_dps
     before_rate = rate_rad_s / DEG
     after_rate = before_rate - math.copysign(step_dps, before_rate)
@@ -234,32 +234,32 @@ def diagnose(sim, rate_rad_s, temp_degc, progress=None):
     word = watch.values().astype(float)
     mean_before, mean_after = word[head - frames : head].mean(), word[-frames:].mean()
     scale = (mean_after - mean_before) / (after_rate - before_rate)
-    before, after = (round(seconds * tick_hz / frame_ticks) for seconds in STEP_WINDOW_S)
-    plot_rows = slice(head - before, head + after)
-    time_s = (np.arange(len(word)) - head)[plot_rows] * frame_ticks / tick_hz
+    before, after = (round(seconds * tick_hz / frame_ticks) for seconds in STEP_PLOT_WINDOW_S)
+    plot_slice = slice(head - before, head + after)
+    time_s = (np.arange(len(word)) - head)[plot_slice] * frame_ticks / tick_hz
     offset = mean_before / scale - before_rate
     step = {
         "time_s": time_s,
-        "rate_dps": word[plot_rows] / scale - offset,
+        "rate_dps": word[plot_slice] / scale - offset,
         "stimulus_dps": np.where(time_s < 0, before_rate, after_rate),
     }
-    report_step(1)
+    report_progress(1)
     bank = sim.state.fpga.registers
     u = sim.state.fpga.control.quadrature_loop.loop.y
-    per_dps = quadrature_loop.u_of_volts(nominal["null_v"], device.quad_dac_span_v) / nominal["null_deg_per_s"]
-    open_dps = min(OPEN_DPS, RANGE_PART * nominal["adc_sense_v"] / abs(nominal["code_v_per_deg_s"]))
+    per_dps = quadrature_loop.u_of_volts(unit_scales["null_v"], device.quad_dac_span_v) / unit_scales["null_deg_per_s"]
+    open_dps = min(OPEN_DPS, RANGE_PART * unit_scales["adc_sense_v"] / abs(unit_scales["code_v_per_deg_s"]))
     open_u = u - open_dps * per_dps if u > open_dps * per_dps else u + open_dps * per_dps
     sim.write("quadrature_fixed", int(min(open_u, 2**32 - 1)))
     sim.write("control", bank.control | sequencer.HOLD_FTR | sequencer.FIX_QSC)
     sim.advance(round(OPEN_S * tick_hz), after_rate * DEG, temp_degc)
-    report_step(2)
+    report_progress(2)
     ticks = round(PROBE_S * tick_hz)
     streams = sim.advance(ticks, after_rate * DEG, temp_degc, probe_ticks=ticks)
     probe = sim.read_out(streams, temp_degc)
-    report_step(3)
+    report_progress(3)
     readings = nodes.read(probe)
     sim.write("control", bank.control)
-    report_step(4)
+    report_progress(4)
     return Reading(readings, scale, step, probe.edges)
 
 
@@ -341,7 +341,7 @@ class Run:
         if other is not None:
             self.others.append(other)
 
-    def begin_segment(self, segment):
+    def mark_segment_start(self, segment):
         """Note where a segment begins."""
         self.segments[segment] = self.sim.design.tick_clocks * self.sim.tick
 
@@ -352,13 +352,13 @@ class Run:
         if scenario_section.resume:
             self._continues(sim.restore(scenario_section.resume))
         else:
-            self.begin_segment("start_up")
+            self.mark_segment_start("start_up")
             if scenario_section.origin == "lock":
                 start(self.config, sim, self.rate_before_rad_s, self.temp_before_degc, progress)
             else:
                 for name, raw in sim.first_writes:
                     sim.write(name, raw)
-        self.begin_segment("scenario")
+        self.mark_segment_start("scenario")
         self._next_tick = sim.tick + self._every_ticks
         self.spent_before_s, self.tick_before = sim.seconds_spent, sim.tick
         self.statistics.active = self.anomaly_detector.active = True
@@ -441,7 +441,7 @@ def run(config, progress=None, directory=None, resume=False, sinks=()):
     job.sim.sinks = [sink for sink in job.sim.sinks if sink not in sinks]
     end, reading = job.end(), None
     if end.locked and config.scenario.diagnose and not job.sim.foreign:
-        job.begin_segment("diagnosis")
+        job.mark_segment_start("diagnosis")
         last = job.timeline.frames - 1
         rate_rad_s, temp_degc = (
             float(p.frame_values(last)[0]) for p in (job.timeline.rate_rad_s, job.timeline.temp_degc)
@@ -455,7 +455,7 @@ def run(config, progress=None, directory=None, resume=False, sinks=()):
             job.recording.attrs |= {f"{key}_sha256": digest for key, digest in job.sim.foreign.identity.items()}
         if job.others:
             job.recording.attrs["continues"] = json.dumps(job.others)
-    return summary.run_result(job, end, reading, time.perf_counter() - began)
+    return summary.build_run_result(job, end, reading, time.perf_counter() - began)
 
 
 __all__ = ["CHUNK_TICKS", "DEG", "Simulation", "diagnose", "play", "run", "start"]

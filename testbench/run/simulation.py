@@ -159,9 +159,9 @@ class Simulation:
         raw, entry = integer(f"write: {name}", raw, formats[name].lo, formats[name].hi), registers.BY_NAME[name]
         address, data = entry.address, registers.to_bus(raw, entry.fmt)
         if self.config.scenario.host == "spi":
-            frame = host_frames.encode_write(self.design, entry, raw)
-            address, data = frame.address, frame.data
-            self.advance(frame.ticks, *self.now)
+            spi_frame = host_frames.encode_write(self.design, entry, raw)
+            address, data = spi_frame.address, spi_frame.data
+            self.advance(spi_frame.ticks, *self.now)
         self._advance(1, *self.now, (1, address, data))
 
     def conditions(self, rate_rad_s, temp_degc):
@@ -215,7 +215,7 @@ class Simulation:
     def chunk(self, ticks, rate, temp, probe_ticks=0):
         """What an engine is told for the next `ticks`: rates (rad/s) and temperatures (degC) per frame, and Streams."""
         need = self.frame_index(ticks) + 2
-        rate, temp = _extend_values(rate, need), _extend_values(temp, need)
+        rate, temp = _pad_frame_values(rate, need), _pad_frame_values(temp, need)
         self.now = (rate[-1:], temp[-1:])
         inside = self.in_window and not probe_ticks
         streams = clocked.streams(
@@ -313,7 +313,7 @@ class Simulation:
             floats = floats.copy()
             for channel, name in enumerate(("cv_x", "cv_y")):
                 column = floats[:, clocked.PROBE_FLOATS.index(name)]
-                column[:] = ring_saturation.sampled_output(self.params.plant.ring, warm_degc, channel, column)
+                column[:] = ring_saturation.saturated_output(self.params.plant.ring, warm_degc, channel, column)
         return nodes.Probe(
             streams.probe_ints,
             floats,
@@ -358,10 +358,10 @@ class Simulation:
                 values[f"plant.{name}"] = np.copy(item)
         return values | (self.foreign.state() if self.foreign else {})
 
-    def layout(self, excluded=()):
-        """Text that names the registers and arrays of a state, but for those `excluded`."""
+    def layout(self, excluded_registers=()):
+        """Text that names the registers and arrays of a state, but for those in `excluded_registers`."""
         arrays = [f"{name}{np.shape(v)}" for part, item in _fields(self.state.plant) for name, v in _leaves(part, item)]
-        register_names = [name for name in flatten.names(self.state.fpga) if name not in excluded]
+        register_names = [name for name in flatten.names(self.state.fpga) if name not in excluded_registers]
         text = " ".join(register_names + flatten.names(self.state.chips) + arrays)
         return f"{STATE_FORMAT} {hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
@@ -369,7 +369,7 @@ class Simulation:
         """Layouts of the states that can be continued, this version's first."""
         return self.layout(), self.layout(ADDED)
 
-    def _check_gyroscope(self, path, meta):
+    def _check_saved_config(self, path, meta):
         """A state continues the firmware and the plant that made it; only noise, effects and scenario may differ."""
         saved = parse_toml(str(meta.get("config_toml", "")), f"{path}: config_toml", FileError)
         saved = validate_data({key: saved.get(key, {}) for key in STATE_SECTIONS}, dict[str, dict], path)
@@ -391,9 +391,9 @@ class Simulation:
         other = identity.check(path, saved, self.identity, self.config.scenario.across_versions)
         values = self._with_added(values)
         state_file.check_shapes(path, values, self.state_values())
-        self._check_gyroscope(path, meta)
-        formats = flatten.leaves(fixed.formats(fpga.State, self.design, self.state.fpga))
-        for (name, fmt), value in zip(formats, values["fpga"].tolist(), strict=True):
+        self._check_saved_config(path, meta)
+        register_formats = flatten.leaves(fixed.formats(fpga.State, self.design, self.state.fpga))
+        for (name, fmt), value in zip(register_formats, values["fpga"].tolist(), strict=True):
             if not fmt.holds(value):
                 raise FileError(f"{path}: register {name} = {value} is outside its format {fmt}")
         if not (0 <= values["tick"] < MOST_TICKS and -1 <= values["drdy_cycle"] < self.design.tick_clocks):
@@ -468,7 +468,7 @@ def _parse_window(window):
     return integer("window[0]", first, 0, MOST_TICKS, "ticks"), integer("window[1]", ticks, 1, MOST_TICKS, "ticks")
 
 
-def _extend_values(values, need):
+def _pad_frame_values(values, need):
     """Values for `need` frames, the last one repeated; one value is for all of them."""
     if len(values) >= need:
         return np.ascontiguousarray(values[:need], float)

@@ -33,14 +33,14 @@ class End(NamedTuple):
     real_time_factor: float
 
 
-def run_result(job, end, reading, wall_s):
+def build_run_result(job, end, reading, wall_s):
     """`Result` of a `simulate.Run` that is done; `reading` is its diagnosis or None."""
     config, sim, tally = job.config, job.sim, job.statistics
     clock_hz, device = build.clock_hz(config), config.device()
     planned = budget.budget(config, frequency_hz=None if reading is None else reading.nodes.frequency_hz)
     lock_s = None if config.scenario.resume else job.start_up.lock_s
     warm = thermal.device_at_temperature(device, tally.temp_degc)
-    node_phases = None if reading is None else reading.nodes
+    node_readings = None if reading is None else reading.nodes
     summary = {
         "locked": end.locked,
         "lock_time_s": lock_s,
@@ -49,19 +49,19 @@ def run_result(job, end, reading, wall_s):
             warm.fx_hz, warm.qx, planned.node_deg()["xe1"], planned.loop_deg()["xe2"]
         ),
         "amplitude_m": tally.amplitude_m,
-        "phase_deg": None if node_phases is None else node_phases.phase_deg,
-        "phase_sigma_deg": None if node_phases is None else node_phases.sigma_deg,
-        "counter_deg": None if node_phases is None else node_phases.counter_deg,
-        "counter_resolution_deg": None if node_phases is None else node_phases.counter_resolution_deg,
-        "uneven_deg": None if node_phases is None else node_phases.uneven_deg,
+        "phase_deg": None if node_readings is None else node_readings.phase_deg,
+        "phase_sigma_deg": None if node_readings is None else node_readings.sigma_deg,
+        "counter_deg": None if node_readings is None else node_readings.counter_deg,
+        "counter_resolution_deg": None if node_readings is None else node_readings.counter_resolution_deg,
+        "uneven_deg": None if node_readings is None else node_readings.uneven_deg,
         "derived_deg": None
-        if node_phases is None
-        else _derived_terms(config, node_phases, tally.temp_degc, 1 / clock_hz),
+        if node_readings is None
+        else _readout_terms_deg(config, node_readings, tally.temp_degc, 1 / clock_hz),
         "budget_deg": planned.node_deg(),
-        "loop_phase_deg": None if node_phases is None else _loop_phases(node_phases.phase_deg, planned),
+        "loop_phase_deg": None if node_readings is None else _loop_phases(node_readings.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
         "paper_deg": dict(planned.paper_deg),
-        "paper_verdict": None if node_phases is None else _verdicts(config, node_phases),
+        "paper_verdict": None if node_readings is None else _verdicts(config, node_readings),
         "amplifier_use": [u._asdict() for u in planned.amplifiers],
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
@@ -93,16 +93,16 @@ def run_result(job, end, reading, wall_s):
     )
 
 
-def _derived_terms(config, node_phases, temp_degc, clock_s):
+def _readout_terms_deg(config, node_readings, temp_degc, clock_s):
     """Terms (deg) of the readings of xe2 and ye2 that are no property of the board: the mode's frequency, the tick."""
     base, added = config.device(), {}
     warm, tick_s = thermal.device_at_temperature(base, temp_degc), clock_s * config.design_record().tick_clocks
     for node, name in (("xe2", "drive"), ("ye2", "sense")):
-        forced, k_vf = node_phases.forced[node], getattr(warm, f"k_vf_{name}_n_per_v")
+        forced, k_vf = node_readings.forced[node], getattr(warm, f"k_vf_{name}_n_per_v")
         force = pickoff.Force(forced.volts_per_m * k_vf / warm.mass_kg, forced.poles_s, forced.instant_s)
         poles_s = budget.pickoff_poles_s(base, name, temp_degc)
-        tick_deg = pickoff.lag_deg(poles_s, node_phases.frequency_hz, tick_s, force)
-        added[node] = {"frequency": node_phases.off_deg[node], "tick": tick_deg}
+        tick_deg = pickoff.lag_deg(poles_s, node_readings.frequency_hz, tick_s, force)
+        added[node] = {"frequency": node_readings.off_deg[node], "tick": tick_deg}
     return added
 
 
@@ -184,7 +184,7 @@ def _plots(job, tail, summary, reading, clock_hz):
     }
     # the baseband engine knows no codes of single ticks
     if tail.shape[1]:
-        board = chips.design_chips(config.design)
+        board = chips.dac_chips(config.design)
         bits = {"drive": board.drive.bits, "sense": board.sense.bits}
         outputs = {f"{name} ({n} bit)": (codes, n) for (name, n), codes in zip(bits.items(), tail)}
         plots["spectra"] = {"outputs": outputs, "rate_hz": config.design_record().tick_hz}

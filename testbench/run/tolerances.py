@@ -28,5 +28,5 @@ def draw(config, seed, number):
     values |= {name: getattr(nominal, name) * math.exp(float(rng.uniform(-reach, reach))) for name in ("qx", "qy")}
     values |= {name: getattr(nominal, name) * off(nominal.transducer_tolerance) for name in TRANSDUCERS}
     values |= {name: getattr(nominal, name) * off(nominal.capacitor_tolerance) for name in CAPACITORS}
-    plant_values = {f"plant.{name}": value for name, value in values.items()}
-    return changed(config, plant_values | {"noise.seed": int(rng.integers(1, 2**31))})
+    plant_overrides = {f"plant.{name}": value for name, value in values.items()}
+    return changed(config, plant_overrides | {"noise.seed": int(rng.integers(1, 2**31))})

@@ -44,7 +44,7 @@ def _fresh():
     return params, clocked.reset(params, 25.0)
 
 
-def _run_chunk(run):
+def _run_warmup_chunk(run):
     """A chunk of an engine, for the sake of its compilation."""
     params, s = _fresh()
     frames = EDGE_TICKS // FRAME_TICKS
@@ -63,7 +63,7 @@ def _run_chunk(run):
 
 def compile_clocked():
     """The clocked engine."""
-    _run_chunk(clocked.run)
+    _run_warmup_chunk(clocked.run)
 
 
 def _compile_plant(params, s, edges):
@@ -81,7 +81,7 @@ def compile_frame():
     _compile_plant(params, s, edges)
     chunk = clocked.Chunk(0, np.zeros(1), np.zeros(1), 0, 0, 0, clocked.Faults(), clocked.streams(), edges)
     frame.run_blocks(params, s.fpga, s.chips, s.plant, chunk, 0, 0, -1, pins.buffers())
-    _run_chunk(frame.run)
+    _run_warmup_chunk(frame.run)
 
 
 def compile_lanes():
@@ -98,7 +98,7 @@ def compile_baseband():
     """The baseband engine."""
     from testbench.engines import baseband
 
-    _run_chunk(baseband.run)
+    _run_warmup_chunk(baseband.run)
 
 
 def _child(part):
@@ -131,13 +131,13 @@ class Standby:
 
     def __call__(self, *chunk):
         if self.child.poll() is None:
-            if not isinstance(lock_error := _turn(), shared_files.LockedError):
+            if not isinstance(lock_or_error := _turn(), shared_files.LockedError):
                 return clocked.run(*chunk)
             try:
                 self.child.wait(shared_files.PATIENCE_S)
             except subprocess.TimeoutExpired:
                 waits = f"waits for process {self.child.pid}, which compiles the frame engine"
-                print(f"gyro: {waits}; {lock_error.strerror} runs meanwhile", file=sys.stderr, flush=True)
+                print(f"gyro: {waits}; {lock_or_error.strerror} runs meanwhile", file=sys.stderr, flush=True)
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self.child.wait(TIMEOUT_S)
         from testbench.engines import frame

@@ -103,8 +103,8 @@ class Partial:
         self.check()
         values, meta = load_state(self.checkpoint, *(f"{FORMAT} {layout}" for layout in layouts))
         parts = {}
-        for key, value in values.items():
-            part, _, name = key.partition(".")
+        for dotted_name, value in values.items():
+            part, _, name = dotted_name.partition(".")
             parts.setdefault(part, {})[name] = value
         return parts, meta
 

@@ -77,12 +77,12 @@ def make_private_folder(path):
     path.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.suppress(FileExistsError):
         path.mkdir(mode=0o700)
-    status = path.lstat()
-    if not stat.S_ISDIR(status.st_mode):
+    folder_stat = path.lstat()
+    if not stat.S_ISDIR(folder_stat.st_mode):
         raise FileError(f"{path}: is no folder; remove it")
-    if status.st_uid != os.geteuid():
-        raise FileError(f"{path}: belongs to another user (uid {status.st_uid}); name a folder of your own")
-    if status.st_mode & 0o077:
+    if folder_stat.st_uid != os.geteuid():
+        raise FileError(f"{path}: belongs to another user (uid {folder_stat.st_uid}); name a folder of your own")
+    if folder_stat.st_mode & 0o077:
         path.chmod(0o700)
 
 
@@ -254,15 +254,15 @@ def replace_folder(path, mark=None, keep=False):
 def _carry(old, new):
     """Link what is only in the old folder into the new one."""
     for item in old.iterdir():
-        target = new / item.name
+        new_item = new / item.name
         if item.is_dir() and not item.is_symlink():
-            target.mkdir(exist_ok=True)
-            _carry(item, target)
-        elif not os.path.lexists(target):
+            new_item.mkdir(exist_ok=True)
+            _carry(item, new_item)
+        elif not os.path.lexists(new_item):
             try:
-                os.link(item, target, follow_symlinks=False)
+                os.link(item, new_item, follow_symlinks=False)
             except OSError:  # a file system without links
-                shutil.copy2(item, target, follow_symlinks=False)
+                shutil.copy2(item, new_item, follow_symlinks=False)
 
 
 def write_bytes(path, data):
@@ -336,9 +336,9 @@ class GuardedFile(io.RawIOBase):
         view = memoryview(data).cast("B")
 
         def all_of_it():
-            written = 0
-            while written < len(view):
-                written += self._file.write(view[written:])
+            written_bytes = 0
+            while written_bytes < len(view):
+                written_bytes += self._file.write(view[written_bytes:])
 
         self._attempt(all_of_it, None)
         return len(view)

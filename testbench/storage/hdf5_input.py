@@ -45,15 +45,15 @@ def open_hdf5(path):
             sandboxed_read.read_in_subprocess("testbench.storage.hdf5_input", path, "HDF5 file")
         except FileError as problem:
             raise RecordError(path, [str(problem).removeprefix(f"{path}: ")]) from None
-    return _open_file(path, path, path.stat().st_size)
+    return _open_checked_file(path, path, path.stat().st_size)
 
 
 def open_bytes(data, path):
     """As `open_hdf5` for the contents of a file, whose seal the caller has checked."""
-    return _open_file(io.BytesIO(data), path, len(data))
+    return _open_checked_file(io.BytesIO(data), path, len(data))
 
 
-def _open_file(source, path, packed):
+def _open_checked_file(source, path, packed):
     try:
         file = h5py.File(source, "r")
     except OSError:
@@ -71,28 +71,28 @@ def _open_file(source, path, packed):
     return file
 
 
-def _hdf5_error(path, content):
-    return RecordError(path, [f"R01 / expected a plain HDF5 file, found {content}"])
+def _hdf5_error(path, content_text):
+    return RecordError(path, [f"R01 / expected a plain HDF5 file, found {content_text}"])
 
 
 def _sizes(path, file, packed):
     """Yield (object, bytes that it unpacks to) of everything in the file, each checked first."""
     object_count, waiting = 0, [("", file)]
     while waiting:
-        location, item = waiting.pop()
+        item_path, item = waiting.pop()
         object_count += 1 + len(item.attrs)
         if object_count > MOST_OBJECTS:
             raise _hdf5_error(path, f"more than {MOST_OBJECTS} groups, datasets and attributes")
         yield item, sum(_attribute_bytes(item, name) for name in item.attrs)
         if isinstance(item, h5py.Dataset):
-            yield item, _dataset_bytes(path, location, item, packed)
+            yield item, _dataset_bytes(path, item_path, item, packed)
         elif isinstance(item, h5py.Group):
-            if location.count("/") >= MOST_DEPTH:
-                raise _hdf5_error(path, f"{location} deeper than {MOST_DEPTH} levels")
+            if item_path.count("/") >= MOST_DEPTH:
+                raise _hdf5_error(path, f"{item_path} deeper than {MOST_DEPTH} levels")
             for name in item:
                 if not isinstance(item.get(name, getlink=True), h5py.HardLink):
-                    raise _hdf5_error(path, f"{location}/{name}, a soft or external link")
-                waiting.append((f"{location}/{name}", item[name]))
+                    raise _hdf5_error(path, f"{item_path}/{name}, a soft or external link")
+                waiting.append((f"{item_path}/{name}", item[name]))
 
 
 def _unpacked_bytes(shape, dtype):
@@ -104,15 +104,15 @@ def _attribute_bytes(item, name):
     return _unpacked_bytes(attribute.shape, attribute.dtype)
 
 
-def _dataset_bytes(path, location, dataset, packed):
+def _dataset_bytes(path, dataset_path, dataset, packed):
     """Bytes of a dataset, or of one chunk where that is more; RecordError if it is not of the kinds that are read."""
-    creation = dataset.id.get_create_plist()
-    if creation.get_layout() not in LAYOUTS or creation.get_external_count():
-        raise _hdf5_error(path, f"{location} outside of the file: external storage or a virtual dataset")
-    for k in range(creation.get_nfilters()):
-        code = creation.get_filter(k)[0]
+    creation_properties = dataset.id.get_create_plist()
+    if creation_properties.get_layout() not in LAYOUTS or creation_properties.get_external_count():
+        raise _hdf5_error(path, f"{dataset_path} outside of the file: external storage or a virtual dataset")
+    for k in range(creation_properties.get_nfilters()):
+        code = creation_properties.get_filter(k)[0]
         if code not in FILTERS:
-            raise _hdf5_error(path, f"filter {code} of {location}, none of {', '.join(FILTERS.values())}")
+            raise _hdf5_error(path, f"filter {code} of {dataset_path}, none of {', '.join(FILTERS.values())}")
     size = max(_unpacked_bytes(dataset.shape, dataset.dtype), _unpacked_bytes(dataset.chunks or (0,), dataset.dtype))
     if size <= inputs.most_expansion(packed) and dataset.ndim == 1 and h5py.check_string_dtype(dataset.dtype):
         # many elements may share one long text; each may be as long as the file
@@ -130,7 +130,7 @@ def _row_blocks(dataset, rows):
 
 def _read_all(path):
     """Read everything once: every attribute, and every dataset in pieces."""
-    with _open_file(path, path, path.stat().st_size) as file, inputs.explain_damage(path, "HDF5 file"):
+    with _open_checked_file(path, path, path.stat().st_size) as file, inputs.explain_damage(path, "HDF5 file"):
         for item, _ in _sizes(path, file, path.stat().st_size):
             list(item.attrs.values())
             if isinstance(item, h5py.Dataset) and item.shape:

@@ -15,14 +15,14 @@ from testbench.storage.sources import code_sha256
 
 RUN = "testbench.run.simulate"
 PLANT = ("plant", "plant_file")  # SHA-256 of a foreign plant and of what it was handed, where there is one
-HASH_DIGITS = 12  # hex digits of a hash in a message
+MESSAGE_HASH_DIGITS = 12  # hex digits of a hash in a message
 
 
 @functools.cache
 def identity():
     """This process's identity; the machine is none of it: all processors give the same bits."""
-    run_versions = {key: version for key, version in versions().items() if key != "machine"}
-    return {"code": code_sha256(RUN), **run_versions}
+    software_versions = {key: version for key, version in versions().items() if key != "machine"}
+    return {"code": code_sha256(RUN), **software_versions}
 
 
 def check(path, saved, mine, allowed):
@@ -34,7 +34,7 @@ def check(path, saved, mine, allowed):
         return None
     for key in PLANT:
         if saved.get(key) != mine.get(key):
-            was, now = (str(one.get(key, "none"))[:HASH_DIGITS] for one in (saved, mine))
+            was, now = (str(one.get(key, "none"))[:MESSAGE_HASH_DIGITS] for one in (saved, mine))
             raise FileError(
                 f"{path}: was saved with {key} {was}, this is {key} {now}: another plant cannot continue it"
             )
@@ -51,5 +51,5 @@ def _text(one, other):
     if not one:
         return "a version without identity"
     return ", ".join(
-        f"{key} {str(one.get(key))[:HASH_DIGITS]}" for key in (one | other) if one.get(key) != other.get(key)
+        f"{key} {str(one.get(key))[:MESSAGE_HASH_DIGITS]}" for key in (one | other) if one.get(key) != other.get(key)
     )

@@ -56,13 +56,13 @@ def open_input(path, limit=None, error=FileError):
         handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     except (OSError, ValueError) as problem:
         raise error(f"{path}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from None
-    status = os.fstat(handle)
-    if not stat.S_ISREG(status.st_mode):
+    file_stat = os.fstat(handle)
+    if not stat.S_ISREG(file_stat.st_mode):
         os.close(handle)
         raise error(f"{path}: is no regular file")
     with open(handle, "rb") as file:
-        if limit is not None and status.st_size > limit:
-            raise error(f"{path}: {status.st_size} bytes are more than the limit of {limit} (GYRO_INPUT_MB)")
+        if limit is not None and file_stat.st_size > limit:
+            raise error(f"{path}: {file_stat.st_size} bytes are more than the limit of {limit} (GYRO_INPUT_MB)")
         try:
             yield file
         except OSError as problem:
@@ -111,7 +111,7 @@ def read_lines(path, encoding="utf-8", errors="strict"):
 
 
 @contextlib.contextmanager
-def explain_damage(source, what, error=FileError):
+def explain_damage(source_name, what, error=FileError):
     """What a library raises about damaged input becomes one line: PLACE: is no WHAT that can be read: REASON.
 
     Only calls of libraries belong inside: an error of our own would be taken for damage.
@@ -122,7 +122,7 @@ def explain_damage(source, what, error=FileError):
         raise
     except (Exception, RecursionError, MemoryError) as problem:
         reason = str(problem) or type(problem).__name__
-        raise error(f"{source}: is no {what} that can be read: {reason[:200]}") from None
+        raise error(f"{source_name}: is no {what} that can be read: {reason[:200]}") from None
 
 
 def most_expansion(packed):
@@ -130,11 +130,11 @@ def most_expansion(packed):
     return max(most_bytes(), MOST_EXPANSION * packed)
 
 
-def expansion(source, expanded, packed):
+def expansion(source_name, expanded, packed):
     """FileError if `packed` bytes would become `expanded` bytes beyond what is allowed."""
     limit = most_expansion(packed)
     if expanded > limit:
-        raise FileError(f"{source}: {expanded} bytes unpacked are more than the limit of {limit} (GYRO_INPUT_MB)")
+        raise FileError(f"{source_name}: {expanded} bytes unpacked are more than the limit of {limit} (GYRO_INPUT_MB)")
 
 
 @functools.cache
@@ -144,7 +144,7 @@ def _adapter(kind):
     return TypeAdapter(kind)
 
 
-def validate_data(data, kind, source, error=FileError):
+def validate_data(data, kind, source_name, error=FileError):
     """A value of the type `kind` (anything that pydantic takes) from plain data; the first mismatch is the error."""
     from pydantic import ValidationError
 
@@ -153,16 +153,16 @@ def validate_data(data, kind, source, error=FileError):
     except ValidationError as problem:
         first = problem.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "content"
-        raise error(f"{source}: {key}: {first['msg']}") from None
+        raise error(f"{source_name}: {key}: {first['msg']}") from None
     except RecursionError:
-        raise error(f"{source}: is nested too deep") from None
+        raise error(f"{source_name}: is nested too deep") from None
 
 
-def parse_json(text, source, kind=dict, error=FileError):
+def parse_json(text, source_name, kind=dict, error=FileError):
     """JSON text (or bytes) as a value of the type `kind`."""
-    with explain_damage(source, "JSON", error):
+    with explain_damage(source_name, "JSON", error):
         data = json.loads(text)
-    return validate_data(data, kind, source, error)
+    return validate_data(data, kind, source_name, error)
 
 
 def read_json(path, kind=dict, limit=MOST_TEXT_BYTES, error=FileError):
@@ -170,12 +170,12 @@ def read_json(path, kind=dict, limit=MOST_TEXT_BYTES, error=FileError):
     return parse_json(read_text(path, limit, error=error), path, kind, error)
 
 
-def parse_toml(text, source, error=ConfigError):
+def parse_toml(text, source_name, error=ConfigError):
     """TOML text as a dictionary."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
-        raise error(f"{source}: is not TOML: {str(problem)[:200]}") from None
+        raise error(f"{source_name}: is not TOML: {str(problem)[:200]}") from None
 
 
 def read_toml(path, limit=MOST_TEXT_BYTES, error=ConfigError):

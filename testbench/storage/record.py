@@ -194,7 +194,7 @@ def axis_name(num, den, edge0, clock_hz=CLOCK_HZ):
     return name if edge0 == 0 else f"{name}_from_{edge0}"
 
 
-def _row_edges(num, den, edge0, first, rows):
+def _row_clock_edges(num, den, edge0, first, rows):
     """Clock edges of rows first .. first + rows - 1, rounded down where the ratio is not whole."""
     return edge0 + (np.arange(first, first + rows, dtype=np.int64) * den) // num
 
@@ -246,7 +246,7 @@ class RecordWriter:
 
     @defer_interrupts()  # the HDF5 library calls Python to write, and knows no exceptions
     def __exit__(self, kind, value, traceback):
-        finished = False
+        is_published = False
         try:
             if kind is None:
                 self._finish()
@@ -256,14 +256,14 @@ class RecordWriter:
             if kind is None:
                 seal(self._staging.new)
                 self._staging.finish()
-                finished = True
+                is_published = True
         except OSError as problem:
             raise explain(self.path, self._guard.problem or problem) from None
         finally:
             if self._file:
                 self._file.close()
             self._guard.close()
-            if not finished:
+            if not is_published:
                 self._staging.close()
 
     def stream(self, name, unit, dtype, num=1, den=1, edge0=0, *, compress=True, **attrs):
@@ -336,7 +336,7 @@ class RecordWriter:
             raise explain(self.path, self._guard.problem)
 
     def _finish(self):
-        digests = {f"/streams/{name}": digest.hexdigest() for name, digest in self._digests.items()}
+        digest_by_path = {f"/streams/{name}": digest.hexdigest() for name, digest in self._digests.items()}
         for axis, (num, den, edge0) in self._axes.items():
             names = [name for name, c in self._streams.items() if (c.num, c.den, c.edge0) == (num, den, edge0)]
             rows = {len(self._file[f"streams/{name}"]) for name in names}
@@ -347,8 +347,8 @@ class RecordWriter:
             total = rows.pop()
             for first in range(0, total, CHUNK_BYTES):
                 count = min(CHUNK_BYTES, total - first)
-                self._extend(scale.name, _row_edges(num, den, edge0, first, count), digest)
-            digests[scale.name] = digest.hexdigest()
+                self._extend(scale.name, _row_clock_edges(num, den, edge0, first, count), digest)
+            digest_by_path[scale.name] = digest.hexdigest()
             scale.attrs["unit"], scale.attrs["units"] = "edge", "s"
             scale.attrs["scale_factor"] = 1.0 / self._clock_hz
             scale.attrs["long_name"] = "time from power-on"
@@ -356,9 +356,9 @@ class RecordWriter:
             for name in names:
                 self._file[f"streams/{name}"].dims[0].attach_scale(scale)
         for name, columns in self._tables.items():
-            digests |= {f"/{name}/{key}": column_digest(column.data) for key, column in columns.items()}
+            digest_by_path |= {f"/{name}/{key}": column_digest(column.data) for key, column in columns.items()}
         self._head_attrs()
-        texts = {"path": sorted(digests), "sha256": [digests[path] for path in sorted(digests)]}
+        texts = {"path": sorted(digest_by_path), "sha256": [digest_by_path[path] for path in sorted(digest_by_path)]}
         self._rows("integrity", {key: TableColumn(np.array(values, str), "") for key, values in texts.items()})
 
     def _head_attrs(self):

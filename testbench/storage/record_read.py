@@ -72,7 +72,7 @@ def _read(file, findings):
             findings.append(f"R02 {path} expected {key}, found nothing")
     if findings:
         return None
-    digests = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
+    digest_by_path = dict(zip(*(file["integrity"][key].asstr()[:].tolist() for key in ("path", "sha256"))))
     record = Record(
         config_toml=text_attribute(file.attrs["config_toml"]),
         provenance=text_attribute(file.attrs["provenance"]),
@@ -86,12 +86,12 @@ def _read(file, findings):
     file.visititems(lambda name, item: column_paths.append(f"/{name}") if isinstance(item, h5py.Dataset) else None)
     for path in column_paths:
         if not path.startswith("/integrity/"):
-            _read_column(file, path, record, digests, findings)
-    for path in sorted(set(digests) - set(column_paths)):
+            _read_column(file, path, record, digest_by_path, findings)
+    for path in sorted(set(digest_by_path) - set(column_paths)):
         findings.append(f"R02 {path} expected a column, found nothing")
     if not findings:
         streams = {
-            name: describe_stream(column, digests[f"/streams/{name}"], len(column.data))
+            name: describe_stream(column, digest_by_path[f"/streams/{name}"], len(column.data))
             for name, column in record.streams.items()
         }
         content = content_digest(
@@ -108,7 +108,7 @@ def _read(file, findings):
     return record
 
 
-def _read_column(file, path, record, digests, findings):
+def _read_column(file, path, record, digest_by_path, findings):
     dataset = file[path]
     group, _, name = path[1:].rpartition("/")
     is_axis = group == "streams" and dataset.is_scale
@@ -128,8 +128,8 @@ def _read_column(file, path, record, digests, findings):
         return
     data = np.array(dataset.asstr()[:].tolist(), str) if text else dataset[:]
     digest = column_digest(data)
-    if digests.get(path) != digest:
-        findings.append(f"R15 {path} expected sha256 {digests.get(path, 'none')}, found {digest}")
+    if digest_by_path.get(path) != digest:
+        findings.append(f"R15 {path} expected sha256 {digest_by_path.get(path, 'none')}, found {digest}")
     elif is_axis:
         return
     elif group != "streams":

@@ -16,7 +16,7 @@ from testbench.storage.inputs import MOST_EXPANSION
 
 LONGEST_S, BYTES_PER_S = 15.0, 1 << 20  # time: at least, and more for large files
 # address space, libraries included, and what of it is the process's own (bytes); more for large files
-MOST_MEMORY, MOST_DATA = 1 << 31, 3 << 28
+MOST_MEMORY, MOST_DATA_BYTES = 1 << 31, 3 << 28
 REFUSED = 3
 ROOT = str(Path(__file__).resolve().parents[2])
 
@@ -29,7 +29,7 @@ def read_in_subprocess(module, path, what, *more):
     paths = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))
     command = [sys.executable, "-P", "-m", module, str(path), *more]
     try:
-        completed = subprocess.run(
+        process = subprocess.run(
             command,
             env=os.environ | quiet | {"PYTHONPATH": paths},
             stdin=subprocess.DEVNULL,
@@ -40,12 +40,12 @@ def read_in_subprocess(module, path, what, *more):
         raise FileError(f"{path}: is no {what} that can be read: it takes longer than {longest_s:.0f} s") from None
     except (OSError, ValueError) as problem:
         raise FileError(f"{path}: cannot be read: {problem}") from None
-    if completed.returncode == REFUSED:
-        raise FileError(completed.stderr.decode("utf-8", "replace"))
-    if completed.returncode:
-        how = f"signal {-completed.returncode}" if completed.returncode < 0 else f"exit code {completed.returncode}"
+    if process.returncode == REFUSED:
+        raise FileError(process.stderr.decode("utf-8", "replace"))
+    if process.returncode:
+        how = f"signal {-process.returncode}" if process.returncode < 0 else f"exit code {process.returncode}"
         raise FileError(f"{path}: is no {what} that can be read: the library fails ({how})")
-    return completed.stdout
+    return process.stdout
 
 
 def main(read):
@@ -55,7 +55,7 @@ def main(read):
         import resource
 
         more = MOST_EXPANSION * path.stat().st_size
-        for limit, least in ((resource.RLIMIT_AS, MOST_MEMORY), (resource.RLIMIT_DATA, MOST_DATA)):
+        for limit, least in ((resource.RLIMIT_AS, MOST_MEMORY), (resource.RLIMIT_DATA, MOST_DATA_BYTES)):
             resource.setrlimit(limit, (least + more, least + more))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     except (ImportError, ValueError, OSError):

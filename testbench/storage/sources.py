@@ -34,15 +34,15 @@ def _module(path):
 @functools.cache
 def reachable_modules(*modules):
     """Sorted dotted names of all modules of ours that these reach, themselves included."""
-    module_paths, ahead = {}, [".".join(m.split(".")[:n]) for m in modules for n in range(1, m.count(".") + 2)]
+    path_by_module, ahead = {}, [".".join(m.split(".")[:n]) for m in modules for n in range(1, m.count(".") + 2)]
     while ahead:
         module = ahead.pop()
-        if module in module_paths or (path := _path(module)) is None:
+        if module in path_by_module or (path := _path(module)) is None:
             continue
-        module_paths[module] = path
-        imports = [*kernel_cache.imported_files(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
-        ahead.extend(_module(source) for source in imports)
-    return tuple(sorted(module_paths))
+        path_by_module[module] = path
+        imported_paths = [*kernel_cache.imported_files(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
+        ahead.extend(_module(source) for source in imported_paths)
+    return tuple(sorted(path_by_module))
 
 
 @functools.cache

@@ -80,8 +80,8 @@ def select_fields(names, decimate, design=DEFAULT, lsb=None):
 
     lsb  {name: text} of columns whose LSB depends on the board
     """
-    fields_by_name = {field.name: field for field in (*_register_fields(design), *_truth_fields())}
-    fields = [fields_by_name[name] for name in FIELDS if not names or name in names]
+    field_by_name = {field.name: field for field in (*_register_fields(design), *_truth_fields())}
+    fields = [field_by_name[name] for name in FIELDS if not names or name in names]
     fields = [f._replace(attrs=f.attrs | {"lsb": lsb[f.name]}) if f.name in (lsb or {}) else f for f in fields]
     if decimate == 1:
         return {field.name: field for field in fields}
@@ -94,9 +94,9 @@ def select_fields(names, decimate, design=DEFAULT, lsb=None):
     return out
 
 
-def _reduce_groups(values, decimate, rule):
+def _reduce_groups(column_values, decimate, rule):
     """One value for each group of `decimate`."""
-    groups = values.reshape(-1, decimate)
+    groups = column_values.reshape(-1, decimate)
     if rule == SUM:
         return groups.sum(axis=1)
     if rule == ANY:
@@ -156,8 +156,8 @@ class Spool:
         used = rows * self.decimate
         out = np.empty(rows, self.dtype)
         for name, field in self.fields.items():
-            values = (truth if field.truth else frames)[:used, field.index]
-            out[name] = values if self.decimate == 1 else _reduce_groups(values, self.decimate, field.rule)
+            field_values = (truth if field.truth else frames)[:used, field.index]
+            out[name] = field_values if self.decimate == 1 else _reduce_groups(field_values, self.decimate, field.rule)
         self._write(out)
         self.rows += rows
         self._held = [(frames[used:], truth[used:])]
@@ -171,9 +171,9 @@ class Spool:
         try:
             with open(self.path, "r+b", buffering=0) as file:
                 file.seek(0, os.SEEK_END)
-                unwritten = memoryview(rows).cast("B") if len(rows) else b""
-                while unwritten:
-                    unwritten = unwritten[file.write(unwritten) :]
+                unwritten_bytes = memoryview(rows).cast("B") if len(rows) else b""
+                while unwritten_bytes:
+                    unwritten_bytes = unwritten_bytes[file.write(unwritten_bytes) :]
         except OSError as problem:
             raise explain(self.path, problem) from None
 
@@ -193,9 +193,9 @@ class Spool:
             while block := file.read(READ_ROWS * self.dtype.itemsize):
                 yield np.frombuffer(block, self.dtype), hashlib.sha256(block).digest()
 
-    def _check_block(self, k, digest, saved_digest):
+    def _check_block(self, k, block_digest, saved_digest):
         """FileError if block k is another than the one that was written."""
-        if digest != saved_digest:
+        if block_digest != saved_digest:
             raise FileError(
                 f"{self.path}: rows {k * READ_ROWS} .. {min((k + 1) * READ_ROWS, self.rows) - 1} are not those that "
                 "were written: another program changed the file; start the run again with --discard"
@@ -211,9 +211,9 @@ class Spool:
         size, written = os.path.getsize(self.path), self.rows * self.dtype.itemsize
         if size != written:
             raise FileError(f"{self.path}: holds {size} bytes, {written} were written: another run in this folder?")
-        digests = [*self._digests, self._open.digest()]
-        for k, (rows, digest) in enumerate(self._read()):
-            self._check_block(k, digest, digests[k])
+        block_digests = [*self._digests, self._open.digest()]
+        for k, (rows, block_digest) in enumerate(self._read()):
+            self._check_block(k, block_digest, block_digests[k])
             yield rows
 
     # ---- checkpoints -------------------------------------------------------------------------------------------------
@@ -228,20 +228,20 @@ class Spool:
             except OSError as problem:
                 raise explain(self.path, problem) from None
         frames, truth = self._held[0] if self._held else (np.zeros((0, 1), np.int64), np.zeros((0, 1)))
-        digests = b"".join([*self._digests, self._open.digest()])
-        values = {"rows": self.rows, "first_frame": self.first_frame, "frames": frames, "truth": truth}
-        return values | {"sha256": np.frombuffer(digests, np.uint8)}
+        joined_digests = b"".join([*self._digests, self._open.digest()])
+        spool_state = {"rows": self.rows, "first_frame": self.first_frame, "frames": frames, "truth": truth}
+        return spool_state | {"sha256": np.frombuffer(joined_digests, np.uint8)}
 
-    def restore(self, values):
+    def restore(self, spool_state):
         """Continue where `dump` was, in a file that was opened with its `rows`; FileError if they are others."""
-        self.rows, self.first_frame = values["rows"], values["first_frame"]
+        self.rows, self.first_frame = spool_state["rows"], spool_state["first_frame"]
         if self.path is not None:
-            saved_digests = values.get("sha256", np.zeros(0, np.uint8)).tobytes()  # version 0.1.0 kept none
+            saved_digests = spool_state.get("sha256", np.zeros(0, np.uint8)).tobytes()  # version 0.1.0 kept none
             for k, (rows, digest) in enumerate(self._read()):
                 self._check_block(k, digest, saved_digests[32 * k : 32 * k + 32] if saved_digests else digest)
                 self._hash(rows)
-        if len(values["frames"]):
-            self._held, self._held_rows = [(values["frames"], values["truth"])], len(values["frames"])
+        if len(spool_state["frames"]):
+            self._held, self._held_rows = [(spool_state["frames"], spool_state["truth"])], len(spool_state["frames"])
 
 
 class Recording:

@@ -56,8 +56,8 @@ def load_state(path, *layouts):
     with open_hdf5(path) as file:
         try:
             if file.attrs.get("schema") != STATE_SCHEMA:
-                schema = file.attrs.get("schema", "nothing")
-                raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {schema}"])
+                file_schema = file.attrs.get("schema", "nothing")
+                raise RecordError(path, [f"R01 / expected schema {STATE_SCHEMA}, found {file_schema}"])
             saved = text_attribute(file.attrs["source_format"])
             if saved not in layouts:
                 finding = f"R11 / expected state layout {layouts[0]}, found {saved}: saved by another version"
@@ -77,12 +77,12 @@ def load_state(path, *layouts):
     return values, meta
 
 
-def check_shapes(path, values, template):
+def check_shapes(path, values, template_values):
     """RecordError unless every value has the type and shape of its namesake."""
-    if set(values) != set(template):
-        strange = min(set(values) ^ set(template))
+    if set(values) != set(template_values):
+        strange = min(set(values) ^ set(template_values))
         raise RecordError(path, [f"R02 /state/{strange} expected the values of this layout, found more or fewer"])
-    for name, template_value in template.items():
+    for name, template_value in template_values.items():
         have, want = np.asarray(values[name]), np.asarray(template_value)
         if (have.shape, have.dtype.kind) != (want.shape, want.dtype.kind):
             mismatch = f"expected {want.dtype} {want.shape}, found {have.dtype} {have.shape}"

@@ -96,7 +96,7 @@ def _tree(signal_list, top):
     return tree
 
 
-def _vcd_lines(values, width, identifier, valid=None):
+def _vcd_lines(values, width, identifier, is_valid=None):
     """Byte matrix, one line of equal length per value: `0!` for one bit, `b0101 !` for more; x where not known."""
     tail = np.frombuffer((identifier if width == 1 else " " + identifier).encode() + b"\n", np.uint8)
     head = 0 if width == 1 else 1
@@ -105,8 +105,8 @@ def _vcd_lines(values, width, identifier, valid=None):
         lines[:, 0] = ord("b")
     shifts = np.arange(width - 1, -1, -1, dtype=np.int64)
     lines[:, head : head + width] = ((values[:, None] >> shifts) & 1) + ord("0")
-    if valid is not None:
-        lines[~valid, head : head + width] = ord("x")
+    if is_valid is not None:
+        lines[~is_valid, head : head + width] = ord("x")
     lines[:, head + width :] = tail
     return lines
 
@@ -154,7 +154,7 @@ def _check(rows, signal_list):
                 )
 
 
-def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz, valid=None):
+def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clock_hz=DEFAULT.master_hz, is_valid=None):
     """Write a window as VCD.
 
     rows         int64, one row per clock edge, one column per signal
@@ -164,10 +164,10 @@ def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clo
     edges        edges that sample the rows, counted from `first_edge` and rising; None: one row after the other.
                  Between them nothing is known: the clock rests, and values stay as they were
     clock_hz     nominal frequency of the master clock
-    valid        bool, of the shape of `rows`: where a value is none, its bits are x; None: all are known
+    is_valid     bool, of the shape of `rows`: where a value is none, its bits are x; None: all are known
     """
     rows = np.asarray(rows)
-    valid = np.ones(rows.shape, bool) if valid is None else valid
+    is_valid = np.ones(rows.shape, bool) if is_valid is None else is_valid
     edges = np.arange(len(rows)) if edges is None else np.asarray(edges, np.int64)
     signal_list = list(signal_list)
     _check(rows, signal_list)
@@ -181,7 +181,7 @@ def write_vcd(path, rows, signal_list, first_edge=0, top="gyro", edges=None, clo
         file.write(_header(tree, ids, comment).encode())
         before = None, None
         for begin in range(0, len(rows), BLOCK_ROWS):
-            block, sure = rows[begin : begin + BLOCK_ROWS], valid[begin : begin + BLOCK_ROWS]
+            block, sure = rows[begin : begin + BLOCK_ROWS], is_valid[begin : begin + BLOCK_ROWS]
             count = len(block)
             index = edges[begin : begin + count]
             every = np.arange(count)

@@ -17,7 +17,7 @@ def study(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Plan with an axis of designs and one of seeds.")],
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of points, predictions and page.")],
     sets: Sets = None,
-    engine_texts: Engines = None,
+    engine_options: Engines = None,
     workers: Annotated[
         int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
     ] = None,
@@ -29,7 +29,7 @@ def study(
     from testbench.study import study as studies
     from testbench.study import study_page
 
-    show, engines = Progress(quiet=as_json), engine_texts or ()
+    show, engines = Progress(quiet=as_json), engine_options or ()
     result, report = studies.run(
         plan, out, local(workers), show, sets or (), engines, lambda results: study_page.write(results, out / "results")
     )

@@ -33,7 +33,7 @@ class Cost(NamedTuple):
 
 def _unused_bits(name, config):
     """Bits of a register that a design keeps at zero."""
-    d, board = config.design, chips.design_chips(config.design)
+    d, board = config.design, chips.dac_chips(config.design)
     role, _, part = name.partition(".")
     for side, chip in (("drive", board.drive), ("sense", board.sense)):
         if role == f"{side}_modulator" and part != "product":

@@ -56,7 +56,7 @@ class Prediction(NamedTuple):
     spur_dbc: float
 
 
-def linear_parameters(config):
+def parameters_with_table_gain(config):
     """`LoopParameters` of a configuration, with the force that the sine's table leaves of a word."""
     p = loop_parameters(config)
     return p._replace(volts_per_word=p.volts_per_word * table_gain(config.design))
@@ -132,7 +132,7 @@ def drive_word(config, p):
 
 def largest_spur(config, p):
     """(harmonic, dBc) of the largest line in the codes of the drive DAC beside the carrier."""
-    d, lsb = config.design, 2.0 ** (24 - chips.design_chips(config.design).drive.bits)
+    d, lsb = config.design, 2.0 ** (24 - chips.dac_chips(config.design).drive.bits)
     amplitude, rms = (word / lsb for word in drive_word(config, p))
     n, size = rounding.rounding_harmonics(amplitude, rms)
     power = dict(zip(n.tolist(), ((size / amplitude) ** 2).tolist()))
@@ -157,7 +157,7 @@ def dds_input_lsb(config):
 
 def predict(config):
     """`Prediction` of a configuration."""
-    p = linear_parameters(config)
+    p = parameters_with_table_gain(config)
     loop = lp.close(p)
     word, lsb = word_spectrum(p, loop), advisor.dc_gain(loop) * lp.DEG
     still = lp.steady_state(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))

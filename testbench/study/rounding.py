@@ -46,11 +46,11 @@ def rounding_harmonics(amplitude, rms=0.0):
     top = int(2 * math.pi * REACH * amplitude) + 10
     n = np.arange(3, top, 2)
     sizes = np.abs(amplitude + rms * NODES)
-    harmonics = np.zeros(len(n))
+    harmonic_amplitudes = np.zeros(len(n))
     for m in range(1, LINE_ORDERS + 1):
         mean = WEIGHTS @ jv(n[None, :], 2 * math.pi * m * sizes[:, None]) / WEIGHTS.sum()
-        harmonics += 2 * (-1.0) ** m / (math.pi * m) * mean
-    return n, np.abs(harmonics)
+        harmonic_amplitudes += 2 * (-1.0) ** m / (math.pi * m) * mean
+    return n, np.abs(harmonic_amplitudes)
 
 
 def largest_line(amplitude):

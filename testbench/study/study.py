@@ -42,9 +42,9 @@ TAU_S = prediction.TAU_S
 KEEP_SHARE, KEEP_PPM, KEEP_HZ = 0.05, 100.0, 0.3
 
 
-def read(path, sets=(), engine_texts=()):
+def read(path, sets=(), engine_options=()):
     """`Plan` of a study, as `campaign.plan.plan.read`; ConfigError for one without its two axes."""
-    plan = plans.read(path, sets, engine_texts)
+    plan = plans.read(path, sets, engine_options)
     axes = {axis.name: axis for axis in plan.axes}
     if set(axes) != set(AXES) or not axes["design"].cases or list(axes["seed"].values) != ["noise.seed"]:
         raise ConfigError(f"{path}: a study has the axes seed, of noise.seed alone, and design, of cases")
@@ -58,8 +58,8 @@ def designs(plan):
     cases = next(axis for axis in plan.axes if axis.name == "design").cases
     out = {}
     for k, name in enumerate(cases):
-        index = [k if axis.name == "design" else 0 for axis in plan.axes]
-        out[name] = configuration.from_dict(plans.point_tree(plan, index)[0], f"{plan.source}: {name}")
+        point_index = [k if axis.name == "design" else 0 for axis in plan.axes]
+        out[name] = configuration.from_dict(plans.point_config_tree(plan, point_index)[0], f"{plan.source}: {name}")
     return out
 
 
@@ -112,25 +112,25 @@ class SimulatedDesign(NamedTuple):
     def keeps(self):
         """Whether the figures are those of the first design."""
         steady = self.arw_rise <= KEEP_SHARE and self.adev_rise <= KEEP_SHARE
-        is_close = abs(self.scale_ppm) <= KEEP_PPM and abs(self.bandwidth_moved_hz) <= KEEP_HZ
-        return bool(self.locked == self.runs and steady and is_close)
+        is_response_close = abs(self.scale_ppm) <= KEEP_PPM and abs(self.bandwidth_moved_hz) <= KEEP_HZ
+        return bool(self.locked == self.runs and steady and is_response_close)
 
 
 def _columns(plan, store):
     """{case: {name: values over the seeds that are finished}}."""
     stored_plan = collect.read_stored_plan(store, plan.name)
-    finished, _ = collect.load(store, stored_plan.addresses)
+    finished_points, _ = collect.load(store, stored_plan.addresses)
     names = [axis.name for axis in plan.axes]
     tau = list(plan.keep.tau_s).index(TAU_S)
     out = {case: [] for case in designs(plan)}
-    for index, address in zip(np.ndindex(*plan.shape), stored_plan.addresses):
-        if address in finished:
-            one = finished[address]
+    for point_index, address in zip(np.ndindex(*plan.shape), stored_plan.addresses):
+        if address in finished_points:
+            one = finished_points[address]
             row = {name: float(one[name].data) for name in NUMBERS}
             row["adev"] = float(one["rate_word.adev"].data[tau])
             row["sense_cos"] = float(one["adc_sense_cos.mean"].data)
-            row["seed"] = index[names.index("seed")]
-            out[list(out)[index[names.index("design")]]].append(row)
+            row["seed"] = point_index[names.index("seed")]
+            out[list(out)[point_index[names.index("design")]]].append(row)
     return {case: {key: np.array([row[key] for row in rows]) for key in rows[0]} for case, rows in out.items() if rows}
 
 
@@ -183,12 +183,12 @@ class Deviation(NamedTuple):
 LIMITS = Deviation(arw=0.03, noise=0.10, spur_db=1.5)
 
 
-def deviation(simulated, predicted):
+def deviation(simulated_design, predicted):
     """`Deviation` of a design."""
     return Deviation(
-        simulated.arw_deg_per_rt_h / predicted["arw_deg_per_rt_h"] - 1,
-        simulated.noise_lsb / predicted["noise_lsb"] - 1,
-        simulated.spur_dbc - predicted["spur_dbc"],
+        simulated_design.arw_deg_per_rt_h / predicted["arw_deg_per_rt_h"] - 1,
+        simulated_design.noise_lsb / predicted["noise_lsb"] - 1,
+        simulated_design.spur_dbc - predicted["spur_dbc"],
     )
 
 
@@ -205,9 +205,9 @@ def front(costs, losses):
 
 def first_start(store, plan):
     """UTC of the first start of a point of the plan, or '': the predictions are older."""
-    addresses = set(collect.read_stored_plan(store, plan.name).addresses)
+    plan_addresses = set(collect.read_stored_plan(store, plan.name).addresses)
     for event in store.events():
-        if event.event == "start" and event.point in addresses:
+        if event.event == "start" and event.point in plan_addresses:
             return datetime.fromtimestamp(event.t, UTC).isoformat(timespec="seconds")
     return ""
 
@@ -218,34 +218,34 @@ class Result(NamedTuple):
     name: str
     written: Written
     started_utc: str
-    simulated: dict  # {case: SimulatedDesign}
+    simulated_by_case: dict  # {case: SimulatedDesign}
 
     @property
     def rows(self):
         """(case, predicted, cost, SimulatedDesign, Deviation) of each design that has run."""
-        for case, simulated in self.simulated.items():
+        for case, simulated in self.simulated_by_case.items():
             one = self.written.designs[case]
             yield case, one["predicted"], cost.Cost(**one["cost"]), simulated, deviation(simulated, one["predicted"])
 
 
-def run(path, out, executor, progress, sets=(), engine_texts=(), write_page=None, say=None):
+def run(path, out, executor, progress, sets=(), engine_options=(), write_page=None, say=None):
     """Predict, run what is missing, compare: (`Result`, the campaign's report). As `campaign.execute.run`.
 
     write_page  (`Result`) -> path of its page, which is published with the campaign's results
     """
     from testbench.campaign import execute
 
-    plan = read(path, sets, engine_texts)
+    plan = read(path, sets, engine_options)
     plans.points(plan)  # refused before anything is written
     store = Store.open_folder(out, create=True)
     written = write_predictions(plan, store, say)
-    results = []
+    study_results = []
 
     def compare():
-        results.append(
+        study_results.append(
             Result(plan.name, written, first_start(store, plan), simulated_designs(plan, store, written.designs))
         )
-        return [write_page(results[0])] if write_page else []
+        return [write_page(study_results[0])] if write_page else []
 
     report = execute.run(plan, out, executor, progress, compare)
-    return results[0], report
+    return study_results[0], report

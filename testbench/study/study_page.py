@@ -36,9 +36,9 @@ def _verdict(result):
         worst = max(rule_rows, key=lambda row: abs(getattr(row[4], name)), default=None)
         if worst:
             value, limit = getattr(worst[4], name), getattr(study.LIMITS, name)
-            answer = "yes" if abs(value) <= limit else "no"
+            verdict = "yes" if abs(value) <= limit else "no"
             lines.append(
-                (f"{text}, worst: {worst[0]}", f"{factor * value:+.2f} {unit}", f"{factor * limit:g} {unit}", answer)
+                (f"{text}, worst: {worst[0]}", f"{factor * value:+.2f} {unit}", f"{factor * limit:g} {unit}", verdict)
             )
     older = result.written.utc <= result.started_utc
     lines.append(("predictions written", result.written.utc, f"before {result.started_utc}", "yes" if older else "no"))
@@ -132,9 +132,9 @@ def _fronts(result):
         ):
             best = study.front(price, loss)
             lines.append((kind, text, "; ".join(f"{rows[k][0]} ({price[k]})" for k in best)))
-        steady_rows = [row for row in rows if row[3].keeps]
-        if steady_rows:
-            least = min(steady_rows, key=lambda row: getattr(row[2], kind))
+        unchanged_rows = [row for row in rows if row[3].keeps]
+        if unchanged_rows:
+            least = min(unchanged_rows, key=lambda row: getattr(row[2], kind))
             lines.append((kind, "least that keeps the figures", f"{least[0]} ({getattr(least[2], kind)})"))
     return Table("Pareto fronts", ("cost in bits of", "loss", "designs"), lines, "Of the designs under the rule.", ())
 
@@ -170,7 +170,7 @@ def write(result, folder):
     pictures = [
         (
             "A dash is the prediction, a disk the simulation. Hollow: the rule does not hold.",
-            study_pictures.comparison(result),
+            study_pictures.prediction_comparison(result),
         ),
         (
             "Each design by its bits; the stairs are the front that no other design beats.",

@@ -10,7 +10,7 @@ from testbench.console.report import BLUE, GREY, VERMILION, make_axes, name_axes
 COSTS = (("registers", "register bits"), ("multipliers", "multiplier bits"), ("tables", "table bits"))
 
 
-def comparison(result):
+def prediction_comparison(result):
     """Runs beside predictions, a design to a column: ARW, noise, largest line, scale factor."""
     rows = list(result.rows)
     x, names = np.arange(len(rows)), [row[0] for row in rows]
@@ -27,8 +27,8 @@ def comparison(result):
         ),
     )
     figure, axes = make_axes("Prediction and simulation", 11.0, len(panels), 1, sharex=True)
-    for axis, (label, predicted, simulated) in zip(axes[:, 0], panels):
-        values = np.array([simulated(row[3]) for row in rows])
+    for axis, (label, predicted, simulated_function) in zip(axes[:, 0], panels):
+        values = np.array([simulated_function(row[3]) for row in rows])
         axis.plot(x, [predicted(row[1]) for row in rows], "_", color=GREY, markersize=18, mew=2, label="prediction")
         axis.plot(x[holds], values[holds], "o", color=BLUE, label="simulation, rule holds")
         axis.plot(x[~holds], values[~holds], "o", mfc="white", color=VERMILION, label="simulation, rule does not hold")
@@ -54,8 +54,8 @@ def fronts(result):
         for axis, (kind, text) in zip(line, COSTS):
             price = np.array([getattr(row[2], kind) for row in rows])
             loss = np.array(loss)
-            in_rule = np.flatnonzero(holds)
-            best = in_rule[front(price[in_rule].tolist(), loss[in_rule].tolist())]
+            rule_indices = np.flatnonzero(holds)
+            best = rule_indices[front(price[rule_indices].tolist(), loss[rule_indices].tolist())]
             axis.plot(price[best], loss[best], "-", color=GREY, drawstyle="steps-post", label="front, under the rule")
             axis.plot(price[keeps], loss[keeps], "o", color=BLUE, label="keeps all figures")
             axis.plot(price[~keeps], loss[~keeps], "o", mfc="white", color=VERMILION, label="does not")

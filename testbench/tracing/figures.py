@@ -10,7 +10,7 @@ from scipy.stats import norm
 from testbench.console.report import BLUE, GREEN, GREY, VERMILION, plain_axes
 from testbench.tracing.fit.rank import Projection, prior_z
 
-MOST_LAWS = 12  # laws in a picture
+MOST_DRAWN_LAWS = 12  # laws in a picture
 MOST_POINTS = 4000
 
 
@@ -67,7 +67,7 @@ def ranking(tracer):
     rows = []
     for r in tracer.ranked.values():
         rows += [(abs(float(t)), n) for t, n in zip(r.t, r.names)]
-    rows = sorted(rows)[-MOST_LAWS:]
+    rows = sorted(rows)[-MOST_DRAWN_LAWS:]
     if not rows:
         return None
     best = tracer.found.best if tracer.found else ()
@@ -90,7 +90,7 @@ def cosines(tracer):
         return None
     names = [n for r in tracer.ranked.values() for n in r.names if n not in r.hidden]
     order = sorted(names, key=lambda n: -max(abs(r.t[r.index(n)]) for r in tracer.ranked.values() if n in r.names))
-    names = order[:MOST_LAWS]
+    names = order[:MOST_DRAWN_LAWS]
     if len(names) < 2:
         return None
     c = tracer.rank(tracer.base.fit, tuple(names)).cosines
@@ -185,11 +185,11 @@ def power(tracer):
     if not tracer.power:
         return None
     d90 = tracer.power["d90"]
-    rows = sorted((v["d"], k) for k, v in d90.items() if v["d"] is not None)[-MOST_LAWS:]
+    rows = sorted((v["d"], k) for k, v in d90.items() if v["d"] is not None)[-MOST_DRAWN_LAWS:]
     if not rows:
         return None
-    labelled = [(d, f"{k}: {d90[k]['value']:.3g} {d90[k]['unit']}") for d, k in rows]
-    figure, _ = _bars(labelled, GREEN, "d_90 (sigma)")
+    labelled_bars = [(d, f"{k}: {d90[k]['value']:.3g} {d90[k]['unit']}") for d, k in rows]
+    figure, _ = _bars(labelled_bars, GREEN, "d_90 (sigma)")
     return "Smallest effect this record would have shown with 90 %, in sigmas and in the law's unit.", figure
 
 
@@ -197,7 +197,7 @@ def all_figures(tracer):
     """{name: (caption, Figure)} of everything that can be drawn."""
     drawn = {}
     for draw in (heldout_errors, condition_map, ranking, cosines, added_variable, whiteness, power):
-        drawing = draw(tracer)
-        if drawing is not None:
-            drawn[draw.__name__] = drawing
+        captioned_figure = draw(tracer)
+        if captioned_figure is not None:
+            drawn[draw.__name__] = captioned_figure
     return drawn

@@ -27,11 +27,11 @@ class _Pair:
         (mine,) = b.model.ask([b.point])
         (other,) = Model(b.model.space, b.model.predictor, a.model.names).ask([a.point])
         delta = b.model.space.whitened_change(other, mine)
-        design = np.concatenate([b.jacobian, b.model.prior_columns()])
-        rhs = np.concatenate([delta, np.zeros(len(design) - len(delta))])
-        scale = np.linalg.norm(design, axis=0)
+        design_rows = np.concatenate([b.jacobian, b.model.prior_columns()])
+        rhs = np.concatenate([delta, np.zeros(len(design_rows) - len(delta))])
+        scale = np.linalg.norm(design_rows, axis=0)
         self.scale = np.where(scale > 0, scale, 1.0)
-        q, self.r = np.linalg.qr(design / self.scale)
+        q, self.r = np.linalg.qr(design_rows / self.scale)
         self.rhs = q.T @ rhs
         self.residual_square = max(0.0, float(rhs @ rhs - self.rhs @ self.rhs))
 
@@ -46,16 +46,20 @@ class _Pair:
 
 def _repeat_advice(row):
     """(how often to record it, None if that is of no use; in one line how far apart the hardest pair is then)."""
-    now, after = row["separation"] / max(row["gain"], 1e-9), row["separation"]
+    now, separation_after = row["separation"] / max(row["gain"], 1e-9), row["separation"]
     pair, where = " and ".join(row["pair"]), ", ".join(f"{k} {_text(v)}" for k, v in row["condition"].items())
-    count, gained = row["repeats"], after**2 - now**2
-    if after < ENOUGH:
+    count, gained = row["repeats"], separation_after**2 - now**2
+    if separation_after < ENOUGH:
         # the squares of what each repeat adds, as long as the nuisances are known
         count = int(np.ceil(count * (ENOUGH**2 - now**2) / max(gained, 1e-9)))
         if count > MANY:
             return None, f"no condition on offer separates {pair}; best is {row['group']} ({where})"
-        after = ENOUGH
-    return count, f"{count} repeats of {row['group']} ({where}): {pair} are then {after:.2g} sigma apart, {now:.2g} now"
+        separation_after = ENOUGH
+    return (
+        count,
+        f"{count} repeats of {row['group']} ({where}): {pair} are then {separation_after:.2g} sigma apart, "
+        f"{now:.2g} now",
+    )
 
 
 def _text(value):
@@ -85,8 +89,8 @@ def table(rivals, problem, options=None, count=MOST_RIVALS, store=None):
         separations = []
         for pair, delta, jacobian in pairs:
             now = pair.separation()
-            after = pair.separation(delta[group.rows], jacobian[group.rows])
-            separations.append((after, after / max(now, 1e-9), pair))
+            separation_after = pair.separation(delta[group.rows], jacobian[group.rows])
+            separations.append((separation_after, separation_after / max(now, 1e-9), pair))
         worst = min(separations, key=lambda item: item[0])
         hours = float(group.condition.get("hours", 1.0))
         rows.append(

@@ -22,11 +22,11 @@ STATUS = {"named": "named", "confounded": "confounded", "candidate": "candidate"
 MISFIT = 25.0  # of chi2, from which a single law is told although it is against physics
 
 
-def effects(fit, probability, duplicates):
+def effects(fit, probability, first_by_duplicate):
     """Laws of a fit as they go into the JSON; d is the size in sigmas after the nuisances have taken their part.
 
     sd is for intervals; d is in units of the fit's own noise, as limits and alarms are
-    duplicates  {law that was not tried: the law that it is, in other parameters}
+    first_by_duplicate  {law that was not tried: the law that it is, in other parameters}
     """
     n, out, interval_sd = len(fit.point.theta), [], _ci_sd(fit)
     for i, law in enumerate(fit.model.laws):
@@ -34,7 +34,7 @@ def effects(fit, probability, duplicates):
         out.append(
             {"law": law.name, "port": law.port, "value": c, "sd": sd, "unit": law.unit, "d": d}
             | {"kind": law.kind, "text": law.text, "page": law.page, "p": probability.get(law.name)}
-            | {"same_as": sorted(name for name, first in duplicates.items() if first == law.name)}
+            | {"same_as": sorted(name for name, first in first_by_duplicate.items() if first == law.name)}
         )
     return out
 
@@ -80,14 +80,14 @@ def cause_rows(tracer):
     rows, p = [], dict(zip(*tracer.posterior))
     for cause in tracer.causes:
         row = {"laws": list(cause.names), "chi2": cause.chi2, "p": p.get(cause.names)}
-        keys = ("law", "port", "value", "sd", "unit", "same_as")
-        row["effects"] = [{k: e[k] for k in keys} for e in effects(cause.fit, {}, tracer.dropped)]
+        effect_keys = ("law", "port", "value", "sd", "unit", "same_as")
+        row["effects"] = [{k: e[k] for k in effect_keys} for e in effects(cause.fit, {}, tracer.dropped)]
         mine, first = set(cause.names), set(tracer.found.best)
-        other, replaced = sorted(mine - first), sorted(first - mine)
-        if len(other) == 1 and len(replaced) == 1:
-            c = abs(_cosine(tracer, replaced[0], other[0]))
+        other, replaced_laws = sorted(mine - first), sorted(first - mine)
+        if len(other) == 1 and len(replaced_laws) == 1:
+            c = abs(_cosine(tracer, replaced_laws[0], other[0]))
             sine = float(np.sqrt(max(1 - c * c, 0.0)))
-            row |= {"instead_of": replaced[0], "cosine": c, "d_to_separate": 3 / sine if sine > 1e-6 else None}
+            row |= {"instead_of": replaced_laws[0], "cosine": c, "d_to_separate": 3 / sine if sine > 1e-6 else None}
         rows.append(row)
     return rows
 
@@ -128,8 +128,8 @@ def discovery(tracer, out):
     """What was tried beyond the catalogue, and found laws as files."""
     lifted = {}
     for e in (e for e in out.effects if e["law"] in tracer.library):
-        law_fit = tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes
-        lifted[e["law"]] = tracer.problem.law_file(*law_fit) or lift(*law_fit)
+        law_file_arguments = tracer.laws[e["law"]], e["value"], e["sd"], tracer.problem.hashes
+        lifted[e["law"]] = tracer.problem.law_file(*law_file_arguments) or lift(*law_file_arguments)
     return {"ports": [s._asdict() for s in tracer.selections], "files": lifted}
 
 
@@ -172,10 +172,10 @@ def describe_misfit(tracer, out):
 def certificates(tracer):
     base, noise = tracer.base, tracer.noise
     repeats = sorted({int(r) for r in tracer.space.repeats})
-    no_repeats = "no repeats: noise from the problem, alarms model-based, ranking only"
+    no_repeats_text = "no repeats: noise from the problem, alarms model-based, ranking only"
     return {
         "calibration": base.certificate,
-        "repeats": {"per_group": repeats, "R14": no_repeats if tracer.alarms.model_based else None},
+        "repeats": {"per_group": repeats, "R14": no_repeats_text if tracer.alarms.model_based else None},
         "noise": {"p": noise.p, "worst": noise.worst, "jump": noise.jump, "squares": noise.dof},
         "adequacy": tracer.found.checks if tracer.found else [],
         "laws_left_out": {"imitated": tracer.imitated, "allowed": verdict.MOST_IMITATED},
@@ -188,7 +188,7 @@ def certificates(tracer):
     }
 
 
-def trace_result(tracer, decision):
+def build_result(tracer, decision):
     """`Result` of a `trace.Tracer` that has run."""
     search_result, problem, probability, free = tracer.found, tracer.problem, {}, {}
     if decision is None:
@@ -198,11 +198,11 @@ def trace_result(tracer, decision):
         rejected = "declared noise rejected" if tracer.noise_rejected else ""
         doubtful = "no repeats" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
-        unsupported = verdict.unsupported_law(problem, search_result.fit(best)) if best else ""
+        unsupported = verdict.unsupported_law_reason(problem, search_result.fit(best)) if best else ""
         sets = tracer.chosen, tracer.untried, tracer.imitated, unsupported, tracer.heldout.log_odds
-        evidence = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
+        set_evidence = verdict.Evidence(bool(tracer.held.size), problem.heldout_independent, confirmed, doubtful, *sets)
         stopped = verdict.naming_obstacle(problem, tracer.base.converged)
-        decision = verdict.with_search(search_result, tracer.causes, free, evidence, stopped)
+        decision = verdict.with_search(search_result, tracer.causes, free, set_evidence, stopped)
     out = Result(problem.name, decision.verdict, decision.sentence)
     if search_result is not None and search_result.best and decision.verdict in STATUS:
         out.effects = effects(search_result.fit(search_result.best), probability, tracer.dropped)

@@ -87,8 +87,10 @@ class Tracer:
             return False
         rng = np.random.default_rng([self.options.seed, 4])
         judge = not self.problem.noise_from_repeats
-        self.noise = noise_model.study_noise([self.space], rng, verdict.LEVEL, judge=judge)
-        self.held_noise = noise_model.study_noise([self.space, self.held], rng, verdict.LEVEL, judge=judge).loud()
+        self.noise = noise_model.estimate_octave_noise([self.space], rng, verdict.LEVEL, judge=judge)
+        self.held_noise = noise_model.estimate_octave_noise(
+            [self.space, self.held], rng, verdict.LEVEL, judge=judge
+        ).loud()
         if self.noise_rejected:
             self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
             self.space = Space(self.problem, "fit", self.noise)
@@ -108,8 +110,8 @@ class Tracer:
         """{"catalogue": .., "library": ..} of the laws that are not in a fit."""
         out = {}
         for label, names in (("catalogue", self.catalogue), ("library", self.library)):
-            excluded = {*fit.model.names, *self.dropped, *self.waiting}
-            names = tuple(n for n in names if n not in excluded)
+            excluded_laws = {*fit.model.names, *self.dropped, *self.waiting}
+            names = tuple(n for n in names if n not in excluded_laws)
             if names:
                 out[label] = self.rank(fit, names)
         return out
@@ -135,8 +137,8 @@ class Tracer:
     def adequate(self, fit):
         """Alarms again with the effects added, and the held-out test."""
         self.report_progress(f"checking {' + '.join(fit.model.names)}")
-        repeated_alarms = self.alarm(fit, self.rankings(fit), heldout.REFUSED)
-        p = verdict.correct_p(repeated_alarms.p_deterministic, self.options.looks)
+        refit_alarms = self.alarm(fit, self.rankings(fit), heldout.REFUSED)
+        p = verdict.correct_p(refit_alarms.p_deterministic, self.options.looks)
         ok, why = self.passes(fit)
         return bool(ok and p >= heldout.REFUSED), {"p": p} | why
 
@@ -144,10 +146,16 @@ class Tracer:
         """(held-out chi2 within its band and no held-out rms above the floor?, why); True without held-out groups."""
         if not self.held.size:
             return True, {}
-        result = self.heldout_result({"after": fit})
-        exceeded = heldout.exceeded_floors(result.rows)
-        why = {"heldout_chi2": result.chi2.get("after"), "heldout_limit": result.limit, "heldout_above_floor": exceeded}
-        return not result.failed and result.chi2["after"] <= result.limit and not exceeded, why
+        heldout_result = self.heldout_result({"after": fit})
+        exceeded_rows = heldout.exceeded_floors(heldout_result.rows)
+        why = {
+            "heldout_chi2": heldout_result.chi2.get("after"),
+            "heldout_limit": heldout_result.limit,
+            "heldout_above_floor": exceeded_rows,
+        }
+        return not heldout_result.failed and heldout_result.chi2[
+            "after"
+        ] <= heldout_result.limit and not exceeded_rows, why
 
     def heldout_result(self, fits):
         """`heldout.HeldoutResult` of {label: Fit}."""
@@ -159,48 +167,48 @@ class Tracer:
         tried = tuple(n for n in (*self.catalogue, *self.library) if n not in self.dropped)
         self.pool = self.rank(self.base.fit, tried)
         work = self.work = Search(self.base.fit, self.table, self.identified.scale, self.adequate, self.progress)
-        result = work.run(self.pool, self.options.max_laws)
-        if not result.adequate and self.library:
+        search_result = work.run(self.pool, self.options.max_laws)
+        if not search_result.adequate and self.library:
             self.report_progress("discovering")
             self.selections = discover.discover(self.problem, self.base.fit, self.pool, self.options.seed)
-            result = work.run(self.pool, self.options.max_laws, discover.proposals(self.selections))
-        result = self.prune(self.select_supported(result))
+            search_result = work.run(self.pool, self.options.max_laws, discover.proposals(self.selections))
+        search_result = self.prune(self.select_supported_set(search_result))
         self.posterior, self.priors = work.posterior(), work.priors
-        self.rivals = [] if result.adequate else open_rivals(result)
-        return result
+        self.rivals = [] if search_result.adequate else open_rivals(search_result)
+        return search_result
 
-    def select_supported(self, result):
+    def select_supported_set(self, search_result):
         """Where the best set is not adequate: the set that fitted and held-out data together support most.
 
         Held-out data have chosen that set, and cannot judge it as data that took no part: see `verdict.with_search`.
         """
-        refitted = [n for n, c in self.work.candidates.items() if n and c.refitted]
-        if result.adequate or not self.held.size or not refitted:
-            return result
-        best = max(refitted, key=lambda n: (self.work.score(n) - self.heldout_chi2(n) / 2, n))
-        self.chosen = best != result.best
-        return result._replace(best=best, adequate=self.work.is_adequate(best))
+        refitted_sets = [n for n, c in self.work.candidates.items() if n and c.refitted]
+        if search_result.adequate or not self.held.size or not refitted_sets:
+            return search_result
+        best = max(refitted_sets, key=lambda n: (self.work.score(n) - self.heldout_chi2(n) / 2, n))
+        self.chosen = best != search_result.best
+        return search_result._replace(best=best, adequate=self.work.is_adequate(best))
 
-    def prune(self, result):
+    def prune(self, search_result):
         """Drop laws of the best set that held-out data do not bear out, the worst first.
 
         Without a law chi2 of the held-out groups must be higher; by PARTIAL where others are beside it, or missing.
         """
-        names, pruned = result.best, []
+        names, pruned = search_result.best, []
         while names and self.held.size:
             less = [tuple(n for n in names if n != law) for law in names]
             chi2 = {n: self.heldout_chi2(n) for n in less}
             worst = min(less, key=chi2.get)
-            sufficient = len(names) == 1 and self.work.is_adequate(names)
-            if chi2[worst] - self.heldout_chi2(names) >= (0.0 if sufficient else PARTIAL):
+            is_sufficient = len(names) == 1 and self.work.is_adequate(names)
+            if chi2[worst] - self.heldout_chi2(names) >= (0.0 if is_sufficient else PARTIAL):
                 break
             pruned += [law for law in names if law not in worst]
             names = worst
         if pruned:
             self.notes.append(f"not borne out by held-out data: {', '.join(pruned)}")
         adequate = bool(names) and self.work.is_adequate(names)
-        best = {"best": names, "adequate": adequate, "dropped": () if names else result.best}
-        return self.work.result(result.pool)._replace(**best)
+        best = {"best": names, "adequate": adequate, "dropped": () if names else search_result.best}
+        return self.work.result(search_result.pool)._replace(**best)
 
     def heldout_chi2(self, names):
         """chi2 of the held-out groups with a set of laws; infinite where it cannot be refitted or predicted."""
@@ -257,16 +265,16 @@ class Tracer:
     def decide(self):
         """Calibrate, alarm, search, judge. A `Result` where nothing of it can be done, None else."""
         problem, options = self.problem, self.options
-        common = {"hashes": dict(problem.hashes), "options": asdict(options), "notes": self.notes}
+        common_fields = {"hashes": dict(problem.hashes), "options": asdict(options), "notes": self.notes}
         if problem.firmware:
-            return Result(problem.name, "firmware", str(problem.firmware), **common)
+            return Result(problem.name, "firmware", str(problem.firmware), **common_fields)
         if not self.calibrate():
             sentence = f"the model cannot be calibrated: {self.base.fit.failed}"
-            common["certificates"] = {"calibration": self.base.certificate}
-            return Result(problem.name, "unexplained", sentence, **common)
+            common_fields["certificates"] = {"calibration": self.base.certificate}
+            return Result(problem.name, "unexplained", sentence, **common_fields)
         alarm = self.detect()
         self.found, self.posterior = None, ([()], [1.0])
-        self.decision = verdict.decide_untraced(alarm, self.alarms, self.noise, self.p)
+        self.decision = verdict.decide_before_search(alarm, self.alarms, self.noise, self.p)
         if self.decision is None:
             self.found = self.search()
         self.compare_heldout()
@@ -296,7 +304,7 @@ class Tracer:
         """`Result` of what has been decided, with what the reader needs besides."""
         self.classify()
         self.plan()
-        return outcome.trace_result(self, self.decision)
+        return outcome.build_result(self, self.decision)
 
     def plan(self):
         """Power of this record, and what to measure next."""
@@ -307,7 +315,7 @@ class Tracer:
             level = 1 - (1 - self.alpha) ** (1 / options.looks)
             power = Power(fit, self.alarms, self.space_noise(), self.ranked, self.laws, level, options.seed)
             smallest = power.smallest()
-            self.power = {"d90": smallest, "null": power.null_rate(), "check": power.check_detection(smallest)}
+            self.power = {"d90": smallest, "null": power.null_rate(), "check": power.detection_rate(smallest)}
         if options.experiments and self.causes:
             self.report_progress("next experiment")
             rivals = [c.fit for c in self.causes]
@@ -316,8 +324,8 @@ class Tracer:
                 rivals += [c.fit for n in names if (c := self.found.candidates[n]).refitted] or [self.base.fit]
             laws = sorted({name for cause in self.causes for name in cause.names})
             offered = self.problem.experiments(laws) if len(self.causes) > 1 else None
-            count = outcome.rival_count(self)
-            self.experiments = next_experiment.table(rivals, self.problem, offered, count, self.store)
+            rival_count = outcome.rival_count(self)
+            self.experiments = next_experiment.table(rivals, self.problem, offered, rival_count, self.store)
 
     def final_estimate(self):
         """(theta, {law: coefficient}) that the trace has come to."""

@@ -28,15 +28,15 @@ def _table(title, items, columns, note=""):
         [number(of(item) if callable(of) else item.get(of), *digits) for _, of, *digits in columns] for item in items
     ]
     body = "".join("<tr>" + "".join(f"<td>{text(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    footnote = f'<p class="note">{text(note)}</p>' if note else ""
-    return f"<h2>{text(title)}</h2>\n<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{footnote}"
+    note_html = f'<p class="note">{text(note)}</p>' if note else ""
+    return f"<h2>{text(title)}</h2>\n<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{note_html}"
 
 
 def _interval(ci, digits=4):
     return f"[{number(ci[0], digits)}, {number(ci[1], digits)}]"
 
 
-def _law_text(row):
+def _join_laws(row):
     return " + ".join(row["laws"])
 
 
@@ -76,18 +76,18 @@ def _heldout(result):
 
 def _models(result):
     columns = (
-        ("laws", lambda m: _law_text(m) or "none"), ("P", "p"), ("ln Z", "log_z", 6), ("BIC", "bic", 6),
+        ("laws", lambda m: _join_laws(m) or "none"), ("P", "p"), ("ln Z", "log_z", 6), ("BIC", "bic", 6),
         ("refitted", lambda m: "yes" if m["refitted"] else "linear"),
     )  # fmt: skip
     ranked = [m for m in result.models if "failed" not in m]
-    failed = "; ".join(f"{_law_text(m)}: {m['failed']}" for m in result.models if "failed" in m)
+    failed = "; ".join(f"{_join_laws(m)}: {m['failed']}" for m in result.models if "failed" in m)
     note = f"Never ranked, as the fit failed: {failed}" if failed else ""
     return _table("Explanations", ranked[:10], columns, note)
 
 
 def _causes(result):
     columns = (
-        ("cause", _law_text), ("chi2 more", "chi2", 2), ("P", "p"),
+        ("cause", _join_laws), ("chi2 more", "chi2", 2), ("P", "p"),
         ("sizes", lambda c: ", ".join(f"{number(e['value'])} {e['unit']}" for e in c["effects"])),
         ("cosine", "cosine"), ("d for 3 sigma apart", "d_to_separate", 3),
     )  # fmt: skip
@@ -96,7 +96,7 @@ def _causes(result):
 
 
 def _rivals_table(result):
-    columns = (("laws", _law_text), ("instead of", "instead_of"), ("V", "vuong", 3))
+    columns = (("laws", _join_laws), ("instead of", "instead_of"), ("V", "vuong", 3))
     note = "Nothing is adequate. V: how clearly worse than the listed set (2.3: 1 %)."
     return _table("Not worse for certain", result.rivals, columns, note)
 
@@ -152,10 +152,10 @@ def _nuisances(result):
 def _power_table(result):
     limits = result.null.get("limits", {})
     rows = []
-    for law, smallest in sorted(result.power_d90.items()):
+    for law, smallest_effect in sorted(result.power_d90.items()):
         bounds = limits.get(law)
         text = _interval((bounds["low"], bounds["high"]), 3) if bounds else ""
-        rows.append(smallest | {"law": law, "limits": text})
+        rows.append(smallest_effect | {"law": law, "limits": text})
     columns = (
         ("law", "law"), ("d_90", "d", 3), ("value", "value", 3), ("unit", "unit"),
         ("95 % limits if nothing was found", "limits"),

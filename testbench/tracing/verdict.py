@@ -45,7 +45,7 @@ class Evidence(NamedTuple):
     chosen: bool = False  # by held-out data, where the set that fits best is refused: they cannot judge it too
     untried: int = 0  # sets as near as those of the class that were not refitted
     imitated: float = 0.0  # `specificity.imitated_share` of sets of this many laws
-    unsupported: str = ""  # of `unsupported_law`
+    unsupported: str = ""  # of `unsupported_law_reason`
     heldout_odds: float = np.inf  # ln odds of the set by held-out data alone
 
 
@@ -55,20 +55,24 @@ def free_d(fit, identifiability):
     out = {}
     for i, law in enumerate(fit.model.laws):
         columns = np.delete(fit.jacobian, n + i, axis=1)
-        priors = np.delete(fit.model.prior_columns(), n + i, axis=1)
+        prior_columns = np.delete(fit.model.prior_columns(), n + i, axis=1)
         if loose.shape[1]:
             columns = np.concatenate([columns, fit.jacobian[:, :n] @ loose], axis=1)
-            priors = np.concatenate([priors, np.zeros((len(priors), loose.shape[1]))], axis=1)
+            prior_columns = np.concatenate([prior_columns, np.zeros((len(prior_columns), loose.shape[1]))], axis=1)
         s = fit.jacobian[:, n + i : n + i + 1]
-        out[law.name] = float(np.linalg.norm(Projection(columns, priors).project_all(s)) * abs(fit.point.c[i]))
+        out[law.name] = float(
+            np.linalg.norm(Projection(columns, prior_columns).project_with_priors(s)) * abs(fit.point.c[i])
+        )
     return out
 
 
 def nuisance_notes(fit):
     """Notes on nuisances that the data have moved by more than FAR of the deviations that noise and prior allow."""
-    out, priors, pulls = [], fit.model.priors, np.abs(fit.model.prior_rows(fit.point))
-    allowed = np.sqrt(np.maximum(1 - (fit.sd[priors] / fit.model.sd[priors]) ** 2, LEAST_PULL_SHARE**2))
-    for j in priors[pulls > FAR * allowed]:
+    out, prior_nuisances, prior_pulls = [], fit.model.priors, np.abs(fit.model.prior_rows(fit.point))
+    allowed = np.sqrt(
+        np.maximum(1 - (fit.sd[prior_nuisances] / fit.model.sd[prior_nuisances]) ** 2, LEAST_PULL_SHARE**2)
+    )
+    for j in prior_nuisances[prior_pulls > FAR * allowed]:
         nuisance, value = fit.model.problem.nuisances[j], fit.point.theta[j]
         unit = nuisance.unit if nuisance.unit != "1" else ""
         away = abs(value - nuisance.value) / nuisance.prior_sd
@@ -96,7 +100,7 @@ def naming_obstacle(problem, converged):
     return ""
 
 
-def unsupported_law(problem, fit):
+def unsupported_law_reason(problem, fit):
     """Why a law of a fit is not named, however well it fits: data cannot support it, or show too little; "" if not."""
     n = len(fit.point.theta)
     for law, d in zip(fit.model.laws, np.abs(fit.point.c) / fit.sd[n:]):
@@ -112,7 +116,7 @@ def correct_p(p, n_traces):
     return float(-np.expm1(n_traces * np.log1p(-min(p, 1 - 1e-15)))) if n_traces > 1 else float(p)
 
 
-def decide_untraced(has_misfit, alarms, noise, p):
+def decide_before_search(has_misfit, alarms, noise, p):
     """`Decision` when nothing deterministic was found; None if tracing must go on."""
     if has_misfit:
         return None
@@ -132,28 +136,36 @@ def decide_untraced(has_misfit, alarms, noise, p):
     return Decision("none", f"no misfit beyond the noise (p = {p:.2g})")
 
 
-def with_heldout(decision, heldout, alpha, n_traces):
+def with_heldout(decision, heldout_result, alpha, n_traces):
     """`Decision` "none" stays only if data that no fit has seen agree with the calibrated model; others as they are."""
-    p = correct_p(heldout.p, n_traces)
+    p = correct_p(heldout_result.p, n_traces)
     if decision is None or decision.verdict != "none" or p >= alpha:
         return decision
-    last = heldout.chi2.get("after")
-    chi2_text = heldout.failed if last is None else f"chi2 / rows {last:.3g}, limit {heldout.limit:.3g}, p = {p:.2g}"
+    last = heldout_result.chi2.get("after")
+    chi2_text = (
+        heldout_result.failed
+        if last is None
+        else f"chi2 / rows {last:.3g}, limit {heldout_result.limit:.3g}, p = {p:.2g}"
+    )
     return Decision(
         "unexplained", f"no alarm where fitted, but held-out data disagree ({chi2_text}): something is missing"
     )
 
 
-def with_search(result, causes, free, evidence, blocked):
+def with_search(search_result, causes, free, evidence, blocked):
     """`Decision` after the search.
 
     causes    `causes.Cause`s that do as well as each other;   free  `free_d` of the best set
     evidence  `Evidence`;   blocked  why nothing may be named whatever is found; "" if nothing is in the way
     """
-    best, laws, doubtful = result.best, " + ".join(result.best or result.dropped), evidence.doubtful
+    best, laws, doubtful = (
+        search_result.best,
+        " + ".join(search_result.best or search_result.dropped),
+        evidence.doubtful,
+    )
     if laws and doubtful and evidence.heldout and not evidence.confirmed:
         return Decision("noise-model", f"{doubtful}, and {laws} is not confirmed by held-out data")
-    if result.dropped:
+    if search_result.dropped:
         return Decision(
             "unexplained", f"something is missing; {laws} fits best, but all data together do not bear it out"
         )
@@ -164,9 +176,9 @@ def with_search(result, causes, free, evidence, blocked):
         return Decision("unexplained", f"{what}, and no law that was tried explains it")
     if blocked:
         return Decision("unexplained", f"{blocked}: {laws} explains a part, and is not named")
-    if not result.adequate:
+    if not search_result.adequate:
         return Decision("unexplained", f"{laws} explains a part; the rest is not explained by the laws tried")
-    minor = corrections(result.fit(best))
+    minor = corrections(search_result.fit(best))
     if minor:
         what = f"{', '.join(minor)} may only correct the shape of a law outside"
         return Decision("unexplained", f"{laws} explains a part: {what}")
@@ -196,4 +208,6 @@ def with_search(result, causes, free, evidence, blocked):
     if gauge or len(causes) > 1:
         alike = ": these data do not tell them apart" if len(causes) > 1 else ""
         return Decision("confounded", f"explained by {names}{alike}{more}")
-    return Decision("named", f"explained by {laws}, and by none of the other {len(result.pool) - len(best)} laws tried")
+    return Decision(
+        "named", f"explained by {laws}, and by none of the other {len(search_result.pool) - len(best)} laws tried"
+    )

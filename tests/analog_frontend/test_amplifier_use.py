@@ -60,7 +60,7 @@ def test_the_pickoff_has_the_voltage_that_the_plant_puts_there():
     on = make(ring_saturation_on=1)
     ring = ring_tables.design(on, 25.0, 25.0, 1e-6)
     clipped = amplifier_use.pickoff(on, 25.0, 5e-6, 11002.3)
-    static, _ = ring_saturation.ring_terms(ring, 0, 0.0, 0, linear.peak_v)
+    static, _ = ring_saturation.saturation_terms(ring, 0, 0.0, 0, linear.peak_v)
     assert clipped.peak_v == pytest.approx(linear.peak_v + static, rel=1e-4)
     assert clipped.peak_v < 0.85 * linear.peak_v
     assert clipped.slope_v_per_s == linear.slope_v_per_s

@@ -45,7 +45,7 @@ def play(fx, osc, cv, demods, conv, z, caps, clock, sums, out, sensor, ticks, lo
                 refs = refs ^ (1 << d)
                 sid.edge(demods, caps, d, (refs >> d) & 1, tau, n, p1, p2, p3, value, slope, v1, d1)
             else:
-                sid.follow_tick(demods, caps, d, (refs >> d) & 1, n, p1, p2, p3)
+                sid.step_edgeless_tick(demods, caps, d, (refs >> d) & 1, n, p1, p2, p3)
             out[d] = out[4 + d]
             out[4 + d] = sid.output(caps, d)
         ready = adc.convert_block(conv, clock, sums, out, 1, sensor)

@@ -28,7 +28,7 @@ def test_a_constant_is_that_of_the_ring(channel, temp_degc):
     circuit = ring_tables.circuit(DEVICE, channel, temp_degc)
     for dc_f in np.linspace(-0.93e-12, 0.93e-12, 8):
         u = np.full(5, gain * dc_f)
-        got = ring_saturation.sampled_output(p, temp_degc, ("drive", "sense").index(channel), u)
+        got = ring_saturation.saturated_output(p, temp_degc, ("drive", "sense").index(channel), u)
         want = DEVICE.signal_gain * ring_cycle.steady_state(circuit, dc_f).volts
         assert got == pytest.approx(want, abs=5e-5)
         assert abs(dc_f) < 0.7e-12 or abs(want) < 0.9 * abs(u[0])
@@ -45,7 +45,7 @@ def test_a_sine_has_gain_delay_and_third_harmonic_of_the_ring():
         middle = gain * dc_f * np.sin(W * (t[:-1] + TICK_S / 2 - tau_s))
         want = ring_cycle.large(ring_tables.circuit(DEVICE, "drive", 25.0), dc_f)
         lost = want.loss / (1 - want.loss)
-        sampled = ring_saturation.sampled_output(p, 25.0, 0, u)[1:-1]
+        sampled = ring_saturation.saturated_output(p, 25.0, 0, u)[1:-1]
         for times, out in ((t[1:-1], sampled), (t[:-1] + TICK_S / 2, middle + held)):
             waves = [f(k * W * times) for k in (1, 3, 5, 7, 9) for f in (np.sin, np.cos)]
             sines = np.linalg.lstsq(np.array(waves).T, out, rcond=None)[0]
@@ -62,10 +62,10 @@ def test_temperatures_between_the_tables_are_met():
     u = np.linspace(-3.5, 3.5, 40)
     for temp_degc in (21.3, 26.25, 30.0):
         own = ring_tables.design(DEVICE, temp_degc, temp_degc, TICK_S)
-        got, want = (ring_saturation.sampled_output(q, temp_degc, 0, u) for q in (p, own))
+        got, want = (ring_saturation.saturated_output(q, temp_degc, 0, u) for q in (p, own))
         assert got == pytest.approx(want, abs=4e-4)
     # beyond the tables the line goes on
-    steep = np.diff([ring_saturation.sampled_output(own, 30.0, 0, np.full(3, u))[1] for u in (50.0, 60.0, 70.0)])
+    steep = np.diff([ring_saturation.saturated_output(own, 30.0, 0, np.full(3, u))[1] for u in (50.0, 60.0, 70.0)])
     assert 0 < steep[0] == pytest.approx(steep[1])
 
 

@@ -84,7 +84,7 @@ def test_of_500_damages_none_is_loaded_and_none_is_unpickled(filled, tmp_path, m
     for _ in range(500):
         for path in filled.iterdir():
             shutil.copy2(path, folder / path.name)
-        (path,) = (p for p in cache.files() if p == cache._kernel_file(KINDS[1])[0])
+        (path,) = (p for p in cache.kernel_files() if p == cache._kernel_file(KINDS[1])[0])
         others = sorted(p for p in folder.iterdir() if p != path)
         way, changed = damage(path, others, draw)
         if changed:

@@ -23,7 +23,7 @@ HEAVY = (
     "testbench.golden.proofs.synthesis:synthesise", "testbench.golden.ranges.range_report:case_range_entry",
     "testbench.golden.check.rtl_run:check", "testbench.measured.record.produce:record",
     "testbench.measured.record.from_run:write", "testbench.paper.loop.loop_page:write",
-    "testbench.measured.residual.residuals:study_record", "testbench.measured.residual.calibrate_residual:calibrate",
+    "testbench.measured.residual.residuals:study_residuals", "testbench.measured.residual.calibrate_residual:calibrate",
     "testbench.measured.record.firmware_residual:residual", "testbench.measured.trace_recording:trace_problem",
     "testbench.measured.closed_loop.loop_trace:run", "testbench.paper.inference.inference_study:run_inference",
 )  # fmt: skip

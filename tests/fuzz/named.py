@@ -222,7 +222,7 @@ def sheet(files, folder):
     from testbench.measured.wide import data_sheet as sheets
 
     return toml_file(
-        folder, "s.toml", tomllib.loads(sheets.BUNDLED_SHEET.read_text()), lambda: sheets.read(folder / "s.toml")
+        folder, "s.toml", tomllib.loads(sheets.BUNDLED_PATH.read_text()), lambda: sheets.read(folder / "s.toml")
     )
 
 

@@ -21,7 +21,7 @@ PRODUCT = re.compile(r"(\w+ [-/*] \w+) = (\S+) \+- ([^\s;]+)")
 def offs(sealed, said):
     """{parameter or product: (found - true) / sd} of an envelope and of the result that was traced from a sheet."""
     cfg, delay_sd_s = Config(), strata.read().plant["delay_sd_s"]
-    tolerances = data_sheet.read(data_sheet.BUNDLED_SHEET)
+    tolerances = data_sheet.read(data_sheet.BUNDLED_PATH)
     truth = {key: getattr(cfg.plant, key.partition(".")[2]) for key in tolerances} | {
         key: value for key, value in sealed["values"].items() if key in tolerances
     }

@@ -72,7 +72,7 @@ def _sign(effect, value, rng):
 def sheet_values(strata, seed):
     """{key: middle} of a data sheet that is off the board, evenly within one tolerance of each of its keys."""
     rng, plant, out = np.random.default_rng([seed, 2]), Config().plant, {}
-    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_SHEET).items():
+    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_PATH).items():
         width = np.log(tolerance) if kind == "factor" else np.log1p(tolerance)
         # the quadrature of the sheet's own board must be within reach of V_q
         most = min(width, np.log(strata.wide["most_coupling"])) if key == COUPLING else width

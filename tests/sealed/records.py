@@ -21,7 +21,7 @@ from testbench.config import changed, to_toml
 from testbench.errors import ConfigError, FileError
 from testbench.measured.closed_loop import loop_problem, loop_record, loop_runs, loop_trace
 from testbench.measured.record import produce, schema
-from testbench.measured.wide import record_priors
+from testbench.measured.wide import wide_calibration
 from testbench.storage.files import write_text
 from testbench.storage.record import column_digest, write_record
 from testbench.tracing.trace import Options
@@ -40,7 +40,7 @@ class Tracing:
 
     def __call__(self, path, wide=False):
         """`Result` of a record's file, as plain numbers; wide: with the priors of a data sheet."""
-        calibrated = record_priors.Calibrated("sheet") if wide else None
+        calibrated = wide_calibration.Calibrated("sheet") if wide else None
         problem = loop_record.open_record([path], {}, calibrated, self.bench, None if wide else self.kept)
         _, result = loop_trace.run(problem, Options(power=False, experiments=False))
         return result.to_json()

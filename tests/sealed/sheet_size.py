@@ -17,7 +17,7 @@ FIRST = 1e-3  # of a value: the step from which the size of a measured change is
 
 def nuisances(bank):
     """[(change of the features per unit, sd)] of what the sheet leaves unknown of the default board."""
-    wanted = data_sheet.parameters(Config(), data_sheet.read(data_sheet.BUNDLED_SHEET))
+    wanted = data_sheet.parameters(Config(), data_sheet.read(data_sheet.BUNDLED_PATH))
     held, out = active_symmetries([p.key for p in wanted]), []
     for p in wanted:
         if p.key in held:

@@ -50,7 +50,7 @@ def test_a_record_is_made_again(tmp_path, capsys, kind, options):
         assert len(file["priors/param"]) == (0 if options else 10)
     default = again.read_run(FILE)["configuration"]["plant"]
     changed = {f"plant.{key}" for key in default if plant[key] != default[key]}
-    assert changed == (set(data_sheet.read(data_sheet.BUNDLED_SHEET)) if options else set())
+    assert changed == (set(data_sheet.read(data_sheet.BUNDLED_PATH)) if options else set())
     assert len(list(tmp_path.iterdir())) == 2
 
 

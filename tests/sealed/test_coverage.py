@@ -19,7 +19,7 @@ PRINTED = 0.05  # of an sd with two digits
 def made(moved):
     """(envelope, result) of a fit that ends at the board, but for {key: factor}; it began 2 % off the board."""
     cfg = Config()
-    priors = data_sheet.parameters(cfg, data_sheet.read(data_sheet.BUNDLED_SHEET))
+    priors = data_sheet.parameters(cfg, data_sheet.read(data_sheet.BUNDLED_PATH))
     truth = {p.key: p.mean for p in priors} | {"plant.qx": QX}
     values = {key: x * moved.get(key, 1.0) for key, x in truth.items()}
     rows = []
@@ -39,7 +39,7 @@ def test_a_fit_at_the_board_is_off_by_nothing():
     found = coverage.offs(*made({}))
     tied = {k for s in loop_symmetries.SYMMETRIES for k in (s.dependent_key, *s.partners)}
     assert not tied & set(found)
-    assert len(found) == len(data_sheet.read(data_sheet.BUNDLED_SHEET)) - len(tied) + sum(
+    assert len(found) == len(data_sheet.read(data_sheet.BUNDLED_PATH)) - len(tied) + sum(
         len(s.partners) for s in loop_symmetries.SYMMETRIES
     )
     assert max(map(abs, found.values())) < 1e-2

@@ -73,7 +73,7 @@ def test_a_run_makes_records_that_are_accepted_and_goes_on_where_it_was(tmp_path
         == json.loads(run.path(run.parts[True], 0).read_text())["envelope_sha256"]
     )
     sheets = [plant.model_dump() for plant in again.trace.sheets]
-    tolerances, default = data_sheet.read(data_sheet.BUNDLED_SHEET), config.Config().plant.model_dump()
+    tolerances, default = data_sheet.read(data_sheet.BUNDLED_PATH), config.Config().plant.model_dump()
     assert sheets[0] == default
     assert {f"plant.{key}" for key in default if sheets[1][key] != default[key]} == set(tolerances)
     rows = rows_of(again)

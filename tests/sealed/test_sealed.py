@@ -113,7 +113,7 @@ def test_no_size_is_beyond_physics(known):
 def test_the_middles_of_a_sheet_are_within_its_tolerances():
     table, plant = strata.read(), Config().plant
     drawn = [draw.sheet_values(table, seed) for seed in range(50)]
-    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_SHEET).items():
+    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_PATH).items():
         factors = np.array([row[key] for row in drawn]) / getattr(plant, key.removeprefix("plant."))
         most = tolerance if kind == "factor" else 1 + tolerance
         assert np.all((1 / most < factors) & (factors < most))

@@ -40,7 +40,7 @@ class Made:
 
 def covariance_of(bank):
     """What the noise and the priors of the sheet leave unknown of the features."""
-    priors = {p.key: p for p in data_sheet.parameters(Config(), data_sheet.read(data_sheet.BUNDLED_SHEET))}
+    priors = {p.key: p for p in data_sheet.parameters(Config(), data_sheet.read(data_sheet.BUNDLED_PATH))}
     assert set(priors) - set(bank.columns) == {s.dependent_key for s in SYMMETRIES}
     covariance = np.eye(ROWS)
     for key, column in bank.columns.items():

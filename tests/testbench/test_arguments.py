@@ -137,5 +137,5 @@ def test_self_heating_may_exceed_the_range():
 def test_numpy_numbers_are_taken_by_a_configuration():
     values = {"noise.seed": np.int64(5), "noise.adc": np.bool_(False), "scenario.rate_dps": np.array([[0.0, 3.0]])}
     made = config.changed(DEFAULT, values)
-    assert made == config.changed(DEFAULT, {key: arguments.to_python(value) for key, value in values.items()})
+    assert made == config.changed(DEFAULT, {key: arguments.numpy_to_python(value) for key, value in values.items()})
     assert budget.budget(made, np.float32(30), np.int64(11_000)).frequency_hz == 11_000.0

@@ -32,7 +32,7 @@ DRAWN = ("normal", "uniform", "lognormal", "integers")
 MOST_VALUES = 1_000_000  # of an axis
 
 
-def round_value(value):
+def round_12_digits(value):
     """A number to 12 significant digits."""
     return float(f"{value:.12g}")
 
@@ -46,11 +46,11 @@ def uniform(seed, path, k, attempt=0):
 
 def _draw(kind, a, b, u):
     if kind == "normal":
-        return round_value(a + b * NormalDist().inv_cdf(u)) if b else round_value(a)
+        return round_12_digits(a + b * NormalDist().inv_cdf(u)) if b else round_12_digits(a)
     if kind == "uniform":
-        return round_value(a + (b - a) * u)
+        return round_12_digits(a + (b - a) * u)
     if kind == "lognormal":
-        return round_value(a * math.exp(b * NormalDist().inv_cdf(u))) if b else round_value(a)
+        return round_12_digits(a * math.exp(b * NormalDist().inv_cdf(u))) if b else round_12_digits(a)
     return a + int(u * (b - a + 1))
 
 
@@ -91,12 +91,12 @@ class Spec:
             self._fail(f"= {short_toml(value)}: give one of {', '.join(FORMS)}")
         self.form = forms[0]
         self.numbers = value[self.form]
-        lengths = (2, 3) if self.form == "range" else (3,) if self.form.endswith("space") else (2,)
-        if not isinstance(self.numbers, list) or len(self.numbers) not in lengths:
+        argument_counts = (2, 3) if self.form == "range" else (3,) if self.form.endswith("space") else (2,)
+        if not isinstance(self.numbers, list) or len(self.numbers) not in argument_counts:
             self._fail(f"= {short_toml(value)} is not of the form {{ {self.form} = {FORMS[self.form]} }}")
-        is_integer = self.form in ("range", "integers")
+        is_integer_form = self.form in ("range", "integers")
         for number in self.numbers:
-            self._check_number(number, value, is_integer)
+            self._check_number(number, value, is_integer_form)
         self._check_sense(value)
         if "limits" in value:
             self._check_limits(value)
@@ -163,7 +163,7 @@ class Spec:
             return [float(lo + (hi - lo) * k / max(n - 1, 1)) for k in range(n)]
         if self.form == "logspace":
             n = self.numbers[2]
-            inner = [round_value(a * (b / a) ** (k / max(n - 1, 1))) for k in range(n)]
+            inner = [round_12_digits(a * (b / a) ** (k / max(n - 1, 1))) for k in range(n)]
             return [float(a), *inner[1:-1], float(b)] if n > 1 else [float(a)]
         out = [draw_value(self.form, a, b, seed, self.path, k, self.limits) for k in range(count)]
         if None in out:

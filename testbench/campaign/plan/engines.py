@@ -21,7 +21,7 @@ from testbench.errors import ConfigError
 from testbench.storage.sources import code_sha256
 
 
-def _shared_key(config):
+def _common_group_key(config):
     """Every point may share a call with every other."""
     return ()
 
@@ -40,7 +40,7 @@ class Engine(NamedTuple):
     batch: int
     modules: tuple
     prepare: Callable | None = None
-    group: Callable = _shared_key
+    group: Callable = _common_group_key
     equivalent_to: str = ""
 
 
@@ -50,7 +50,7 @@ ENGINES = {
     "baseband": "testbench.campaign.builtin_engines:BASEBAND",
     "lanes": "testbench.campaign.builtin_engines:LANES",
 }
-LOCATIONS = {  # of ours, too; points are kept under the location
+LOCATION_KEYED_ENGINES = {  # of ours, too; points are kept under the location
     "characterise": "testbench.paper.measure.characterise:POINTS",
     "word_lengths": "testbench.study.points:POINTS",
 }
@@ -60,15 +60,15 @@ MEASURES = "testbench.campaign.plan.measure"
 
 
 def parse_options(texts):
-    """{name: location} of texts as of `--engine`, and of `LOCATIONS`."""
-    out = dict(LOCATIONS)
+    """{name: location} of texts as of `--engine`, and of `LOCATION_KEYED_ENGINES`."""
+    out = dict(LOCATION_KEYED_ENGINES)
     for text in texts:
-        match = OPTION.fullmatch(text)
-        if not match:
+        option_match = OPTION.fullmatch(text)
+        if not option_match:
             raise ConfigError(f"--engine: {text!r} is not of the form NAME=package.module:OBJECT")
-        if match[1] in ENGINES or match[1] in out:
-            raise ConfigError(f"--engine: {text!r}: the name {match[1]} is taken; choose another one")
-        out[match[1]] = match[2]
+        if option_match[1] in ENGINES or option_match[1] in out:
+            raise ConfigError(f"--engine: {text!r}: the name {option_match[1]} is taken; choose another one")
+        out[option_match[1]] = option_match[2]
     return out
 
 
@@ -77,31 +77,31 @@ def _installed_engines():
     return {point.name: f"{point.module}:{point.attr}" for point in points}
 
 
-def find(name, extra_engines, where):
+def find(name, extra_locations, where):
     """What `load` takes for the engine that a plan names; nothing is loaded.
 
-    extra_engines  {name: location}, those of `parse_options`
+    extra_locations  {name: location}, those of `parse_options`
     """
     if not isinstance(name, str):
         raise ConfigError(f"{where} = {name!r} is not the name of an engine")
     if name in ENGINES:
         return name
-    locations = extra_engines if name in extra_engines else _installed_engines() | extra_engines
-    if name in locations:
-        return locations[name]
+    location_by_name = extra_locations if name in extra_locations else _installed_engines() | extra_locations
+    if name in location_by_name:
+        return location_by_name[name]
     if ":" in name:
-        quoted = next((f'"{candidate}"' for candidate, location in locations.items() if location == name), None)
+        quoted = next((f'"{candidate}"' for candidate, location in location_by_name.items() if location == name), None)
         hint = quoted or f"a name there, and give --engine NAME={name}"
         raise ConfigError(f"{where} = {name!r}: no file can name code that would run here; write {hint}")
-    names = [*ENGINES, *locations]
+    names = [*ENGINES, *location_by_name]
     matches = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {matches[0]}?" if matches else f"known: {', '.join(names)}; the option --engine adds one"
     raise ConfigError(f"{where} = {name!r} is not an engine; {hint}")
 
 
-def permit(engine, extra_engines, where):
+def permit(engine, extra_locations, where):
     """ConfigError unless the engine that a point names is ours, of the option or installed."""
-    if engine not in ENGINES and engine not in extra_engines.values() and engine not in _installed_engines().values():
+    if engine not in ENGINES and engine not in extra_locations.values() and engine not in _installed_engines().values():
         raise ConfigError(f"{where}: was made by the engine {engine!r}; --engine NAME={engine} runs it")
 
 

@@ -103,10 +103,10 @@ class Keeper:
         self.keep = keep
         self.frame_s = 1 / design.frame_hz
         self.spools = {}
-        requests = [(frames, name) for name, frames in keep.streams.items()]
-        requests += [(keep.frames, name) for name in keep.statistics]
-        for frames in sorted({frames for frames, _ in requests}):
-            self.spools[frames] = Spool(tuple({name for f, name in requests if f == frames}), frames, design=design)
+        spool_keys = [(frames, name) for name, frames in keep.streams.items()]
+        spool_keys += [(keep.frames, name) for name in keep.statistics]
+        for frames in sorted({frames for frames, _ in spool_keys}):
+            self.spools[frames] = Spool(tuple({name for f, name in spool_keys if f == frames}), frames, design=design)
 
     def add(self, first_frame, frames, truth):
         """Rows of consecutive frames."""

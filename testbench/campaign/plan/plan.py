@@ -35,7 +35,7 @@ KEEP_KEYS = ("frames", "tau_s", "streams", "statistics")
 MOST_FRAMES = 8000
 SET = "[set]"
 ENGINE = "engine"  # the one parameter that is no key of the configuration
-RESERVED_NAME = re.compile(r"tau_s|time_\d+|point|address|status|identity")
+RESERVED_AXIS_NAME = re.compile(r"tau_s|time_\d+|point|address|status|identity")
 
 
 class Axis(NamedTuple):
@@ -65,9 +65,9 @@ class Plan(NamedTuple):
         return tuple(axis.length for axis in self.axes)
 
 
-def _hint(name, names):
-    matches = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
-    return f"did you mean {matches[0]}?" if matches else f"known: {', '.join(names)}"
+def _hint(name, allowed_names):
+    close_matches = difflib.get_close_matches(str(name), allowed_names, n=1, cutoff=0.5)
+    return f"did you mean {close_matches[0]}?" if close_matches else f"known: {', '.join(allowed_names)}"
 
 
 def _flat(tree, where):
@@ -100,13 +100,13 @@ def _table(value, where):
     return value
 
 
-def read(path, sets=(), engine_texts=()):
+def read(path, sets=(), engine_options=()):
     """`Plan` of a TOML file.
 
-    sets          texts as of `--set`, which win over [set]
-    engine_texts  texts as of `--engine`
+    sets            texts as of `--set`, which win over [set]
+    engine_options  texts as of `--engine`
     """
-    path, extra_engines = Path(path), engines.parse_options(engine_texts)
+    path, extra_locations = Path(path), engines.parse_options(engine_options)
     tree = read_toml(path)
     for key in tree:
         if key not in KEYS:
@@ -125,28 +125,28 @@ def read(path, sets=(), engine_texts=()):
         base.pop("output", None)
         base.get("scenario", {}).pop("engine", None)
     engine = tree.get("engine", "frame")
-    location = engines.find(engine, extra_engines, f"{path}: engine")
-    set_values = _flat(_table(tree.get("set", {}), f"{path}: set"), f"{path}: [set]")
-    origin |= dict.fromkeys(set_values, f"{path}: [set]")
+    engine_location = engines.find(engine, extra_locations, f"{path}: engine")
+    override_values = _flat(_table(tree.get("set", {}), f"{path}: set"), f"{path}: [set]")
+    origin |= dict.fromkeys(override_values, f"{path}: [set]")
     for item in (configuration.parse_set(text) for text in sets):
-        set_values |= _flat({item.path: item.value}, "--set:")
+        override_values |= _flat({item.path: item.value}, "--set:")
         origin[item.path] = "--set"
-    if ENGINE in set_values:
+    if ENGINE in override_values:
         raise ConfigError(f"{path}: [set] engine: it is a key of the plan itself; write it above [set]")
-    for dotted, value in set_values.items():
-        _set_value(base, dotted, value, origin[dotted])
-    owner = {dotted: "--set" if origin[dotted] == "--set" else SET for dotted in set_values}
+    for dotted, value in override_values.items():
+        _set_dotted_key(base, dotted, value, origin[dotted])
+    owner = {dotted: "--set" if origin[dotted] == "--set" else SET for dotted in override_values}
     axes = _axes(_table(tree.get("axes", {}), f"{path}: axes"), path, owner)
-    locations = {engine: location}
+    locations = {engine: engine_location}
     for axis in axes:
         origin |= dict.fromkeys(axis.values, f"{path}: [axes.{axis.name}]")
         names = [name for name in axis.values.get(ENGINE, ()) if name is not None]
-        locations |= {name: engines.find(name, extra_engines, f"{path}: [axes.{axis.name}] engine") for name in names}
-    keep = _read_keep(_table(tree.get("keep", {}), f"{path}: keep"), path)
+        locations |= {name: engines.find(name, extra_locations, f"{path}: [axes.{axis.name}] engine") for name in names}
+    keep = _parse_keep_table(_table(tree.get("keep", {}), f"{path}: keep"), path)
     return Plan(name, engine, base, axes, keep, str(path), path.parent, origin, locations)
 
 
-def _set_value(tree, dotted, value, where):
+def _set_dotted_key(tree, dotted, value, where):
     section, _, key = dotted.partition(".")
     if not section or not key or "." in key:
         raise ConfigError(f"{where} {dotted}: is not of the form section.key")
@@ -159,11 +159,11 @@ def _set_value(tree, dotted, value, where):
 # ---- axes ------------------------------------------------------------------------------------------------------------
 
 
-def _axes(tree, path, set_owners):
-    axes, owner = [], dict(set_owners)
+def _axes(tree, path, owner_by_key):
+    axes, owner = [], dict(owner_by_key)
     for name, table in tree.items():
         where = f"{path}: [axes.{name}]"
-        if not NAME.fullmatch(name) or RESERVED_NAME.fullmatch(name) or name in FIELDS or "." in name:
+        if not NAME.fullmatch(name) or RESERVED_AXIS_NAME.fullmatch(name) or name in FIELDS or "." in name:
             raise ConfigError(f"{where} cannot be the name of a dimension")
         axis = _axis(name, _table(table, f"{path}: axes.{name}"), where)
         for dotted in axis.values:
@@ -222,21 +222,21 @@ def _cases(name, table, where):
         raise ConfigError(f"{where} has cases and {other[0]}; parameters of cases stand in the cases")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, dict) for case in cases):
         raise ConfigError(f"{where} cases = {short_toml(cases)} is not a list of tables with one at least")
-    names, rows = [], []
+    case_names, rows = [], []
     for k, case in enumerate(cases):
         title = case.get("name")
-        if not isinstance(title, str) or not title or title in names:
+        if not isinstance(title, str) or not title or title in case_names:
             raise ConfigError(f"{where} cases[{k}].name = {short_toml(title)} is not a text of its own")
-        names.append(title)
+        case_names.append(title)
         rows.append(_flat({key: v for key, v in case.items() if key != "name"}, f"{where} cases[{k}]"))
     paths = list(dict.fromkeys(dotted for row in rows for dotted in row))
-    return Axis(name, len(cases), {dotted: [row.get(dotted) for row in rows] for dotted in paths}, tuple(names))
+    return Axis(name, len(cases), {dotted: [row.get(dotted) for row in rows] for dotted in paths}, tuple(case_names))
 
 
 # ---- keep ------------------------------------------------------------------------------------------------------------
 
 
-def _read_keep(tree, path):
+def _parse_keep_table(tree, path):
     where = f"{path}: [keep]"
     for key in tree:
         if key not in KEEP_KEYS:
@@ -277,7 +277,7 @@ def _taus(values, where):
 # ---- points ----------------------------------------------------------------------------------------------------------
 
 
-def point_tree(plan, index):
+def point_config_tree(plan, index):
     """(nested configuration, name of the engine) at a place on the axes."""
     tree = {section: dict(keys) if isinstance(keys, dict) else keys for section, keys in plan.tree.items()}
     engine = plan.engine
@@ -288,7 +288,7 @@ def point_tree(plan, index):
             if dotted == ENGINE:
                 engine = values[k]
             else:
-                _set_value(tree, dotted, values[k], f"[axes.{axis.name}]")
+                _set_dotted_key(tree, dotted, values[k], f"[axes.{axis.name}]")
     return tree, engine
 
 
@@ -296,16 +296,16 @@ def points(plan):
     """(points, {hash: path} of the state files they start from); ConfigError for the first that cannot be."""
     from testbench.run import design_check
 
-    out, states, digests, rates = [], {}, {}, set()
+    out, states, state_digests, rates = [], {}, {}, set()
     for number, index in enumerate(itertools.product(*(range(n) for n in plan.shape))):
-        tree, name = point_tree(plan, index)
+        tree, name = point_config_tree(plan, index)
         engine = plan.engines[name]
-        config = _check_point(plan, tree, number, design_check.check)
+        config = _build_point_config(plan, tree, number, design_check.check)
         rates.add(config.design_record().frame_hz)
         digest = ""
         if config.scenario.resume:
-            digest = digests.get(config.scenario.resume) or _state(plan, config.scenario.resume)
-            digests[config.scenario.resume] = digest
+            digest = state_digests.get(config.scenario.resume) or _state(plan, config.scenario.resume)
+            state_digests[config.scenario.resume] = digest
             states[digest] = plan.folder / config.scenario.resume
         identity = point_identity(config, engine, plan.keep, digest)
         out.append(Point(number, index, identity, point_address(identity), engine))
@@ -315,7 +315,7 @@ def points(plan):
     return out, states
 
 
-def _check_point(plan, tree, number, check):
+def _build_point_config(plan, tree, number, check):
     try:
         config = configuration.from_dict(tree, plan.source, plan.origin)
         check(config)
@@ -356,5 +356,5 @@ def value_at(plan, axis, dotted, k):
     if dotted == ENGINE:
         return plan.engine
     section, key = dotted.split(".")
-    section_values = plan.tree.get(section, {})
-    return section_values[key] if key in section_values else getattr(getattr(configuration.Config(), section), key)
+    base_section = plan.tree.get(section, {})
+    return base_section[key] if key in base_section else getattr(getattr(configuration.Config(), section), key)

@@ -111,10 +111,10 @@ class Task(NamedTuple):
 def state_path(data, states):
     """Path of the state file that a parsed identity starts from, or None."""
     resume = str(data.config.get("scenario", {}).get("resume", ""))
-    match = STATE_NAME.fullmatch(resume)
-    if resume and not match:
+    digest_match = STATE_NAME.fullmatch(resume)
+    if resume and not digest_match:
         raise FileError(f"point: scenario.resume: {resume[:80]!r} is no hash of a state file")
-    return Path(states) / f"{match[1]}.h5" if match else None
+    return Path(states) / f"{digest_match[1]}.h5" if digest_match else None
 
 
 def read_task(identity, states):

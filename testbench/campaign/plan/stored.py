@@ -24,11 +24,11 @@ DEEPEST = 8  # lists in lists of a value
 LARGEST = 1 << 63
 
 
-def _check_value(item, depth=0):
+def _check_config_value(item, depth=0):
     """A value of a configuration: number, text, switch, nothing, or lists and tables of them."""
     if isinstance(item, (list, dict)) and depth < DEEPEST:
         for one in item.values() if isinstance(item, dict) else item:
-            _check_value(one, depth + 1)
+            _check_config_value(one, depth + 1)
     elif isinstance(item, (int, float)):
         if math.isnan(item) or (isinstance(item, int) and abs(item) > LARGEST):
             raise ValueError("is no number of a configuration")
@@ -37,7 +37,7 @@ def _check_value(item, depth=0):
     return item
 
 
-Value = Annotated[Any, AfterValidator(_check_value)]
+Value = Annotated[Any, AfterValidator(_check_config_value)]
 Count = Annotated[int, Field(strict=True, ge=1, le=plan.MAX_POINTS)]
 Address = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 

@@ -17,19 +17,19 @@ from testbench.golden.bundles import bundle, design_bundle
 from testbench.golden.foreign import adapter, comparison_scope, design_map
 from testbench.storage.files import replace_folder
 
-COPIED_FILES = ("params.vh", "params.svh", "params_pkg.vhd", "Makefile", "run_vunit.py")
+UNRENAMED_FILES = ("params.vh", "params.svh", "params_pkg.vhd", "Makefile", "run_vunit.py")
 
 
-def _texts(folder, manifest, level):
+def _bench_texts(folder, manifest, level):
     """{path: text} of the bundle's benches and scripts for a wrapped design."""
     block, rows = manifest["block"], manifest["n"]
-    names = [*COPIED_FILES, "check.sh", f"tb_{block}.v", f"tb_{block}.vhd", f"tb_{block}_vunit.vhd",
+    names = [*UNRENAMED_FILES, "check.sh", f"tb_{block}.v", f"tb_{block}.vhd", f"tb_{block}_vunit.vhd",
              f"cocotb_{block}.v", f"test_{block}.py",
              *(n for n in manifest["sha256"] if n.startswith("rom/"))]  # fmt: skip
     texts = {}
     for name in names:
         text = (folder / name).read_text()
-        if name not in COPIED_FILES:
+        if name not in UNRENAMED_FILES:
             text = re.sub(rf"\bgyro_{block}\b", adapter.adapter_name(manifest), text)
         texts[name] = text
     script, test = "check.sh", f"test_{block}.py"
@@ -38,7 +38,7 @@ def _texts(folder, manifest, level):
     # a design of other names has no file of the block's name
     texts[script] = texts[script].replace('no $BLOCK.$(suffix "$1") in $RTL', "no file of its language in RTL or FILES")
     texts[test] = re.sub(r'(?<=or ")registers(?=")', level, texts[test], count=1)
-    for name in COPIED_FILES[:3]:
+    for name in UNRENAMED_FILES[:3]:
         for key, value in (("N_ROWS", rows), ("RESET_CYCLES", manifest["reset"]["cycles"])):
             texts[name] = re.sub(rf"(\b{key}(?: : natural :)? ?= )\d+", rf"\g<1>{value}", texts[name])
     return texts
@@ -74,11 +74,11 @@ def write_pin_bundle(folder, level, out, map_path=None, top_name=None, latency=N
         delays = {name.removeprefix("o_"): k for name, k in latencies.items()}
     if out.is_dir() and any(out.iterdir()):
         raise FileError(f"{out}: exists and is not an empty folder")
-    include_design = "design" in golden.manifest
-    has_port_map = map_path is not None or top_name is not None
-    texts = top_wrapper_texts(golden.manifest, map_path, top_name) if has_port_map else {}
-    r = design_bundle.read_recording(folder, golden.manifest)
-    return design_bundle.write(r, out, golden.at, include_design, "pins", more=texts, clocks=delays)
+    names_design = "design" in golden.manifest
+    has_custom_names = map_path is not None or top_name is not None
+    wrapper_texts = top_wrapper_texts(golden.manifest, map_path, top_name) if has_custom_names else {}
+    r = design_bundle.read_bundle_recording(folder, golden.manifest)
+    return design_bundle.write(r, out, golden.at, names_design, "pins", more=wrapper_texts, clocks=delays)
 
 
 def write_adapted_bundle(folder, map_path, level, out, latency_path=None):
@@ -90,26 +90,26 @@ def write_adapted_bundle(folder, map_path, level, out, latency_path=None):
     golden = bundle.read(folder)
     port_map = design_map.read(map_path, golden.manifest, level)
     clocks = {} if latency_path is None else comparison_scope.read_latency(latency_path, golden.manifest, level)
-    scope = comparison_scope.build_scope(golden, level, port_map.style, clocks)
-    manifest = scope.golden.manifest
-    exp, mask = comparison_scope.delayed_rows(scope)
+    comparison = comparison_scope.build_scope(golden, level, port_map.style, clocks)
+    manifest = comparison.golden.manifest
+    exp, mask = comparison_scope.delayed_rows(comparison)
     widths = {name: [p["width"] for p in ports] for name, ports in (
         ("stim", manifest["inputs"]), ("exp", manifest["registers"] + manifest["outputs"]))}  # fmt: skip
-    texts = _texts(folder, manifest, level)
-    for name, rows, ports_key in (("stim", scope.golden.stim, "stim"), ("exp", exp, "exp"), ("mask", mask, "exp")):
-        texts[f"{name}.hex"] = bundle.hex_text(bundle.pack(rows, widths[ports_key]), sum(widths[ports_key]))
+    file_texts = _bench_texts(folder, manifest, level)
+    for name, rows, width_key in (("stim", comparison.golden.stim, "stim"), ("exp", exp, "exp"), ("mask", mask, "exp")):
+        file_texts[f"{name}.hex"] = bundle.hex_text(bundle.pack(rows, widths[width_key]), sum(widths[width_key]))
     head = f"golden_{manifest['block']}"
-    texts |= {f"{head}.v": adapter.verilog(manifest, port_map), f"{head}.vhd": adapter.vhdl(manifest, port_map)}
-    texts["map.toml"] = Path(map_path).read_text()
+    file_texts |= {f"{head}.v": adapter.verilog(manifest, port_map), f"{head}.vhd": adapter.vhdl(manifest, port_map)}
+    file_texts["map.toml"] = Path(map_path).read_text()
     if latency_path is not None:
-        texts["latency.toml"] = Path(latency_path).read_text()
+        file_texts["latency.toml"] = Path(latency_path).read_text()
     keys = ("schema", "block", "case", "clock", "reset", "n", "inputs", "registers", "outputs", "params", "levels")
     manifest_entries = {key: manifest[key] for key in keys if key in manifest}
-    manifest_entries |= {"level": level, "first_row": scope.first, "clocks": scope.clocks,
+    manifest_entries |= {"level": level, "first_row": comparison.first, "clocks": comparison.clocks,
              "of_bundle": golden.manifest["manifest_sha256"]}  # fmt: skip
-    texts["manifest.json"] = bundle.canonical(manifest_entries) + "\n"
+    file_texts["manifest.json"] = bundle.canonical(manifest_entries) + "\n"
     with replace_folder(out) as new:
-        for name, text in texts.items():
+        for name, text in file_texts.items():
             (new / name).parent.mkdir(exist_ok=True)
             (new / name).write_text(text)
-    return scope
+    return comparison

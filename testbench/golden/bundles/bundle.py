@@ -58,12 +58,12 @@ def digits(width):
     return -(-width // 4)
 
 
-def total(ports):
-    """Width of ports packed side by side; `ports` as in the manifest."""
-    return sum(port["width"] for port in ports)
+def total(port_entries):
+    """Width of ports packed side by side; `port_entries` as in the manifest."""
+    return sum(port["width"] for port in port_entries)
 
 
-def _bit_positions(widths):
+def _column_bit_positions(widths):
     """Bytes of a row of columns that end at its last bit, and (byte, bit within it, bits unused of 64) per column."""
     size = -(-sum(widths) // 8)
     ends = 8 * size - np.cumsum(widths[::-1])[::-1]
@@ -72,25 +72,25 @@ def _bit_positions(widths):
 
 def pack(rows, widths):
     """One Python integer per row: the columns side by side, the first in the most significant bits."""
-    size, positions = _bit_positions(widths)
+    size, column_positions = _column_bit_positions(widths)
     packed = np.zeros((len(rows), size + 8), np.uint8)
-    for column, (byte, bit, unused) in zip(rows.T, positions, strict=True):
-        field_bits = column.astype(np.uint64) << unused
-        packed[:, byte : byte + 8] |= (field_bits >> bit).astype(">u8").view(np.uint8).reshape(-1, 8)
-        packed[:, byte + 8] |= (field_bits << 8 - bit).astype(np.uint8) if bit else 0
+    for column, (byte, bit, unused) in zip(rows.T, column_positions, strict=True):
+        aligned_bits = column.astype(np.uint64) << unused
+        packed[:, byte : byte + 8] |= (aligned_bits >> bit).astype(">u8").view(np.uint8).reshape(-1, 8)
+        packed[:, byte + 8] |= (aligned_bits << 8 - bit).astype(np.uint8) if bit else 0
     return [int.from_bytes(row.tobytes(), "big") for row in packed[:, :size]]
 
 
-def unpack(words, ports):
+def unpack(words, port_entries):
     """int64 rows from packed words; the inverse of `pack`."""
-    size, positions = _bit_positions([port["width"] for port in ports])
-    rows, packed = np.zeros((len(words), len(ports)), np.int64), np.zeros((len(words), size + 8), np.uint8)
-    row_bytes = np.frombuffer(b"".join([word.to_bytes(size, "big") for word in words]), np.uint8)
-    packed[:, :size] = row_bytes.reshape(len(words), size)
-    for k, (byte, bit, unused) in enumerate(positions):
-        field_bits = packed[:, byte : byte + 8].copy().view(">u8")[:, 0].astype(np.uint64) << bit
-        field_bits |= packed[:, byte + 8] >> 8 - bit if bit else np.uint8(0)
-        rows[:, k] = field_bits.view(np.int64) >> unused if ports[k]["signed"] else field_bits >> unused
+    size, column_positions = _column_bit_positions([port["width"] for port in port_entries])
+    rows, packed = np.zeros((len(words), len(port_entries)), np.int64), np.zeros((len(words), size + 8), np.uint8)
+    word_bytes = np.frombuffer(b"".join([word.to_bytes(size, "big") for word in words]), np.uint8)
+    packed[:, :size] = word_bytes.reshape(len(words), size)
+    for k, (byte, bit, unused) in enumerate(column_positions):
+        aligned_bits = packed[:, byte : byte + 8].copy().view(">u8")[:, 0].astype(np.uint64) << bit
+        aligned_bits |= packed[:, byte + 8] >> 8 - bit if bit else np.uint8(0)
+        rows[:, k] = aligned_bits.view(np.int64) >> unused if port_entries[k]["signed"] else aligned_bits >> unused
     return rows
 
 
@@ -113,10 +113,10 @@ def port(block_port):
     }
 
 
-def port_files(ports, rows):
-    """{path: text} of one hex file per port; `ports` is (name, Port) for each column of `rows`."""
+def port_files(port_pairs, rows):
+    """{path: text} of one hex file per port; `port_pairs` is (name, Port) for each column of `rows`."""
     files = {}
-    for k, (name, block_port) in enumerate(ports):
+    for k, (name, block_port) in enumerate(port_pairs):
         words = (rows[:, k] & ((1 << block_port.width) - 1)).astype(">u8").view(np.uint8).reshape(-1, 8)
         lines = np.full((len(words), 17), ord("\n"), np.uint8)
         lines[:, 0:16:2], lines[:, 1:16:2] = HEX[words >> 4], HEX[words & 15]
@@ -143,7 +143,7 @@ def seal(manifest):
 
 def vectors_sha256(manifest):
     """SHA-256 of a bundle's vectors alone: what benches, scripts, goals and names of it do not change."""
-    vectors = {name: manifest["sha256"][name] for name in (f"{word}.hex" for word in hex_names(manifest))}
+    vectors = {name: manifest["sha256"][name] for name in (f"{word}.hex" for word in hex_stems(manifest))}
     return hashlib.sha256(canonical(vectors).encode()).hexdigest()
 
 
@@ -159,7 +159,7 @@ def manifest_text(manifest):
     return json.dumps(manifest, indent=1, ensure_ascii=True) + "\n"
 
 
-def _fill(part, manifest, files, trees, provenance_entries):
+def _fill(part, manifest, files, trees, make_provenance):
     """Write a bundle into the new folder `part`; returns the whole manifest."""
     for name, text in files.items():
         path = part / name
@@ -169,22 +169,22 @@ def _fill(part, manifest, files, trees, provenance_entries):
         write_tree(part)
     written = {path.relative_to(part).as_posix(): path.read_bytes() for path in part.rglob("*") if path.is_file()}
     full = seal_manifest(manifest, written)
-    if provenance_entries is not None:
-        full["provenance"] = {**full["provenance"], **provenance_entries(full)}
+    if make_provenance is not None:
+        full["provenance"] = {**full["provenance"], **make_provenance(full)}
     (part / MANIFEST).write_bytes(manifest_text(full).encode())
     return full
 
 
-def write(folder, manifest, files, trees=(), provenance_entries=None):
+def write(folder, manifest, files, trees=(), make_provenance=None):
     """Write a bundle as a whole; a bundle that was there is replaced.
 
     manifest            without hashes
     files               {relative path: text}
     trees               functions of the new folder that write further files into it
-    provenance_entries  function of the sealed manifest: entries that its provenance gets besides
+    make_provenance     function of the sealed manifest: entries that its provenance gets besides
     """
     with replace_folder(folder, MANIFEST) as part:
-        return _fill(part, manifest, files, trees, provenance_entries)
+        return _fill(part, manifest, files, trees, make_provenance)
 
 
 def _inside(folder, name):
@@ -205,7 +205,7 @@ def _inside(folder, name):
     return path
 
 
-def _extra_files(folder, manifest):
+def _unlisted_paths(folder, manifest):
     """Paths in the folder that the manifest does not list; what benches leave is in build/."""
     manifest_names = {MANIFEST, *manifest["sha256"]}
     for path in sorted(folder.rglob("*")):
@@ -226,7 +226,7 @@ REPLAY_REQUIRED = {"frames": int, "frame_cycles": int, "conversions": int, "host
 PORT_KEYS = {"name": str, "width": int, "signed": bool}
 
 
-def hex_names(manifest):
+def hex_stems(manifest):
     """Names of the hex files that a bundle must have."""
     return (*WORDS[:2], *REPLAYED) if manifest["schema"] == REPLAY_SCHEMA else WORDS
 
@@ -243,8 +243,8 @@ def _read_manifest(folder):
         if not isinstance(manifest.get(key), kind) or isinstance(manifest.get(key), bool):
             raise FileError(f"{path}: {key} is missing or not of type {kind.__name__}")
     validate_data(manifest["sha256"], dict[str, str], f"{path}: sha256")
-    ports = manifest["inputs"] + manifest["registers"] + manifest["outputs"]
-    for port in ports:
+    port_entries = manifest["inputs"] + manifest["registers"] + manifest["outputs"]
+    for port in port_entries:
         if not isinstance(port, dict) or any(type(port.get(k)) is not kind for k, kind in PORT_KEYS.items()):
             raise FileError(f"{path}: a port lacks name, width or sign: {str(port)[:80]}")
         if not 1 <= port["width"] <= 63:
@@ -259,7 +259,7 @@ def _read_manifest(folder):
     return manifest
 
 
-def _read_words(path, width, count):
+def _read_hex_words(path, width, count):
     """Words of a hex file; raises FileError at the first line that is not one."""
     text = read_text(path, encoding="ascii")
     if not text.endswith("\n") and count:
@@ -270,8 +270,8 @@ def _read_words(path, width, count):
     expected = digits(width)
     if not re.fullmatch(rf"(?:[0-9a-f]{{{expected}}}\n)*", text):
         bad = next(n for n, line in enumerate(lines) if not re.fullmatch(rf"[0-9a-f]{{{expected}}}", line))
-        complaint = f"{lines[bad][:80]!r} is not {expected} lower-case hexadecimal digits"
-        raise FileError(f"{path}: line {bad + 1}: {complaint}")
+        error_text = f"{lines[bad][:80]!r} is not {expected} lower-case hexadecimal digits"
+        raise FileError(f"{path}: line {bad + 1}: {error_text}")
     words = [int(line, 16) for line in lines]
     for n, word in enumerate(words):
         if word >> width:
@@ -288,14 +288,14 @@ def verify(folder, strict=True):
     manifest = _read_manifest(folder)
     if manifest["manifest_sha256"] != seal(manifest):
         raise FileError(f"{folder / MANIFEST}: SHA-256 does not match: the manifest was changed")
-    for name in (f"{word}.hex" for word in hex_names(manifest)):
+    for name in (f"{word}.hex" for word in hex_stems(manifest)):
         if name not in manifest["sha256"]:
             raise FileError(f"{folder / MANIFEST}: {name} is not listed")
     for name, expected in manifest["sha256"].items():
         path = _inside(folder, name)
         if file_sha256(path) != expected:
             raise FileError(f"{path}: SHA-256 does not match the manifest: the file was changed")
-    for path in _extra_files(folder, manifest) if strict else ():
+    for path in _unlisted_paths(folder, manifest) if strict else ():
         raise FileError(f"{path}: is not of this bundle: move it, or keep it in {BUILD}/")
     return manifest
 
@@ -310,8 +310,8 @@ def read(folder):
     if manifest["schema"] == REPLAY_SCHEMA:
         return _read_replay(folder, manifest, results)
     stim, exp, mask = (
-        unpack(_read_words(folder / f"{name}.hex", total(ports), count), ports)
-        for name, ports in zip(WORDS, (manifest["inputs"], results, bare), strict=True)
+        unpack(_read_hex_words(folder / f"{name}.hex", total(port_entries), count), port_entries)
+        for name, port_entries in zip(WORDS, (manifest["inputs"], results, bare), strict=True)
     )
     return Bundle(manifest, stim, exp, mask, np.arange(count))
 
@@ -319,7 +319,7 @@ def read(folder):
 def replayed_words(folder, manifest, name):
     """Words of a file of `REPLAYED`, of a bundle that was verified."""
     width, key = REPLAYED[name]
-    return _read_words(Path(folder) / f"{name}.hex", width, manifest[key])
+    return _read_hex_words(Path(folder) / f"{name}.hex", width, manifest[key])
 
 
 def _read_replay(folder, manifest, results):
@@ -332,8 +332,8 @@ def _read_replay(folder, manifest, results):
         if len(clocks) and (clocks[-1] >= end or (np.diff(clocks) <= 0).any()):
             raise FileError(f"{folder / name}.hex: the clocks do not rise within 0 .. {end - 1}")
     stim, exp = (
-        unpack(_read_words(folder / f"{name}.hex", total(ports), manifest["n"]), ports)
-        for name, ports in (("stim", manifest["inputs"]), ("exp", results))
+        unpack(_read_hex_words(folder / f"{name}.hex", total(port_entries), manifest["n"]), port_entries)
+        for name, port_entries in (("stim", manifest["inputs"]), ("exp", results))
     )
     mask = np.tile(np.array([(1 << port["width"]) - 1 for port in results], np.int64), (len(at), 1))
     return Bundle(manifest, stim, exp, mask, at, tuple(words["sig"]))

@@ -64,27 +64,27 @@ class WindowEntry:
 
 def _rules():
     """{register of top: (rounding, overflow)} from the blocks that it is made of."""
-    rules = {}
+    register_rules = {}
 
     def walk(record, path):
         stem = type(record).__module__.rpartition(".")[2]
         if stem in blocks.BLOCKS:
             for port in blocks.BLOCKS[stem].registers:
-                rules[f"{port_name(path)}_{port.name}"] = (port.rounding, port.overflow)
+                register_rules[f"{port_name(path)}_{port.name}"] = (port.rounding, port.overflow)
         elif hasattr(record, "_fields"):
             for name, item in zip(record._fields, record):
                 walk(item, f"{path}.{name}" if path else name)
 
     walk(top.State(), "")
-    return rules
+    return register_rules
 
 
-def make_block(params, design=None):
+def build_top_block(params, design=None):
     """The whole design as a `blocks.Block`; `params` are {case: Params or None}, `design` as there."""
-    rules, record = _rules(), design or DEFAULT
+    register_rules, record = _rules(), design or DEFAULT
     state, design_blocks = top.reset(record), blocks.design_blocks(record)
     registers = [
-        Port(port_name(path), fmt, int(reset), *rules.get(port_name(path), (None, None)))
+        Port(port_name(path), fmt, int(reset), *register_rules.get(port_name(path), (None, None)))
         for (path, reset), (_, fmt) in zip(leaves(state), format_leaves(formats(top.State, record)), strict=True)
     ]
     return blocks.Block(
@@ -127,7 +127,7 @@ def _inputs_hex(stimulus):
     return {f"{name}.hex": _hex(getattr(stimulus, name), widths) for name, (widths, _) in REPLAYED.items()}
 
 
-def read_recording(folder, manifest):
+def read_bundle_recording(folder, manifest):
     """The recording that a bundle was made from, as its own files and manifest say; FileError where they cannot be one.
 
     folder    a bundle of the whole design that was read
@@ -156,17 +156,17 @@ def read_recording(folder, manifest):
 
 def _window_waveform_writer(design, windows, at, rows):
     """Function that writes golden.vcd, of the dense windows at their own times, and golden.gtkw into a folder."""
-    signals = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in design.columns]
-    signals += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in design.registers]
-    signals += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in design.pins]
+    vcd_signals = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in design.columns]
+    vcd_signals += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in design.registers]
+    vcd_signals += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in design.pins]
     dense = np.zeros(len(at), bool)
     for w in windows:
         dense |= (at >= w.first) & (at < w.first + w.count)
 
     def write(folder):
         waves, setup = folder / "golden.vcd", folder / "golden.gtkw"
-        vcd.write_vcd(waves, rows[dense], signals, top=design.stem, edges=at[dense])
-        vcd.write_gtkw(setup, waves, signals, top=design.stem, expanded=("in", "out"))
+        vcd.write_vcd(waves, rows[dense], vcd_signals, top=design.stem, edges=at[dense])
+        vcd.write_gtkw(setup, waves, vcd_signals, top=design.stem, expanded=("in", "out"))
         for path in (waves, setup):
             path.write_bytes(path.read_bytes().replace(f"ftr-gyro {VERSION}".encode(), b"ftr-gyro", 1))
 
@@ -224,7 +224,7 @@ def pin_delays(folder, manifest):
     """{pin: clocks that it comes later} of a bundle of the pins."""
     path = Path(folder) / bundle.MANIFEST
     clocks = inputs.validate_data(manifest.get("clocks", {}), dict[str, int], path)
-    pins = [p.name for p in make_block({}).pins]
+    pins = [p.name for p in build_top_block({}).pins]
     for name, k in clocks.items():
         if name not in pins or not 0 < k <= MOST_CLOCKS or manifest["registers"]:
             raise FileError(f"{path}: clocks: {name} = {k} is no pin that comes 1 .. {MOST_CLOCKS} clocks later")
@@ -241,18 +241,18 @@ class ReplayReference(NamedTuple):
 
 
 def write(
-    r, folder, at=None, include_design=False, level="registers", reported_rows=REPORTED_ROWS, more=None, clocks=None
+    r, folder, at=None, names_design=False, level="registers", most_reported_rows=REPORTED_ROWS, more=None, clocks=None
 ):
     """Replay a recording and write its bundle, with rows at the clocks `at` (None: its own); returns the manifest.
 
-    include_design  the manifest names the design, even if it is the default one
+    names_design    the manifest names the design, even if it is the default one
     level           `pins`: rows and signatures are of the pins alone
-    reported_rows   rows that differ of which the benches name every port
+    most_reported_rows  rows that differ of which the benches name every port
     more            {path: text} of further files
     clocks          {pin: clocks that it comes later}, of level `pins`
     """
     d, pins_only = r.params.design, level == "pins"
-    design = make_block({r.name: r.params}, d if include_design or d != DEFAULT else None)
+    design = build_top_block({r.name: r.params}, d if names_design or d != DEFAULT else None)
     at = row_clocks(r) if at is None else at
     rows = replay_recording.run(r.params, r.stimulus, r.frames, at, board_pins.Board(clocks), not pins_only)
     blocks.check(design.columns, rows.inputs, f"{STEM}: stimulus")
@@ -260,51 +260,51 @@ def write(
     blocks.check(design.pins, rows.pins, f"{STEM}: output")
     pins = ReplayReference(design._replace(registers=()), rows.board, rows.board_signatures.tolist(), clocks or {})
     if pins_only:
-        reference, pin_files = pins, {}
+        replay_reference, pin_bundle_files = pins, {}
     else:
         signatures = [signature.remainder_signature(words) for words in rows.remainders]
-        reference = ReplayReference(design, np.column_stack([rows.registers, rows.pins]), signatures, {})
-        texts = _pin_bundle_texts(r, pins, at, rows.inputs, reported_rows)
-        pin_files = {f"{PINS}/{name}": text for name, text in texts.items()}
-    files, counts = _files(r, reference, at, rows.inputs, reported_rows)
-    columns = [(p.name, p) for p in design.columns] + benches.result_pairs(reference.design)
-    both = np.column_stack([rows.inputs, reference.exp])
+        replay_reference = ReplayReference(design, np.column_stack([rows.registers, rows.pins]), signatures, {})
+        texts = _pin_bundle_texts(r, pins, at, rows.inputs, most_reported_rows)
+        pin_bundle_files = {f"{PINS}/{name}": text for name, text in texts.items()}
+    files, counts = _files(r, replay_reference, at, rows.inputs, most_reported_rows)
+    port_pairs = [(p.name, p) for p in design.columns] + benches.result_port_pairs(replay_reference.design)
+    both = np.column_stack([rows.inputs, replay_reference.exp])
     files |= {
-        **bundle.port_files(columns, both),
-        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in columns], both),
-        **pin_files,
+        **bundle.port_files(port_pairs, both),
+        "vec.csv": bundle.csv_text("clock", at, [name for name, _ in port_pairs], both),
+        **pin_bundle_files,
         **(more or {}),
     }
-    manifest = _replay_manifest(reference.design, r, at, counts, reference.clocks)
-    writer = _window_waveform_writer(reference.design, r.windows, at, both)
+    manifest = _replay_manifest(replay_reference.design, r, at, counts, replay_reference.clocks)
+    writer = _window_waveform_writer(replay_reference.design, r.windows, at, both)
     return bundle.write(Path(folder), manifest, files, [writer], scores.note_score)
 
 
-def _pin_bundle_texts(r, reference, at, stim, reported_rows):
+def _pin_bundle_texts(r, replay_reference, at, stim, most_reported_rows):
     """{path: text} of a bundle within another one: what `check.sh` needs, and a manifest without its origin."""
-    files, counts = _files(r, reference, at, stim, reported_rows)
-    manifest = _replay_manifest(reference.design, r, at, counts, reference.clocks)
+    files, counts = _files(r, replay_reference, at, stim, most_reported_rows)
+    manifest = _replay_manifest(replay_reference.design, r, at, counts, replay_reference.clocks)
     del manifest["provenance"]
     return files | {bundle.MANIFEST: bundle.manifest_text(bundle.seal_manifest(manifest, files))}
 
 
-def _files(r, reference, at, stim, reported_rows):
+def _files(r, replay_reference, at, stim, most_reported_rows):
     """({path: text} of what the benches open and of the benches, counts)."""
-    design, exp, _, clocks = reference
-    driven, result_ports = [(p.name, p) for p in design.columns], benches.result_pairs(design)
+    design, exp, _, clocks = replay_reference
+    driven, result_ports = [(p.name, p) for p in design.columns], benches.result_port_pairs(design)
     counts = {
         "frames": r.frames,
         "conversions": len(r.stimulus.adc),
         "host_events": len(r.stimulus.host),
         "samples": len(r.stimulus.sar),
         "out_width": sum(p.width for _, p in result_ports),
-        "shown_rows": reported_rows,
+        "shown_rows": most_reported_rows,
     }
     files = {
         "at.hex": _hex(at[:, None], [CLOCK_BITS]),
         "stim.hex": _hex(stim, [p.width for _, p in driven]),
         "exp.hex": _hex(exp, [p.width for _, p in result_ports]),
-        "sig.hex": bundle.hex_text(reference.signatures, signature.DEGREE),
+        "sig.hex": bundle.hex_text(replay_reference.signatures, signature.DEGREE),
         **_inputs_hex(r.stimulus),
         **top_benches.top_bench_texts(design, r.name, len(at), counts, clocks),
     }
@@ -347,10 +347,10 @@ def export_board(firmware, config, case, folder, frames=BOARD_FRAMES, progress=N
     else:
         loop_case = make_recordings.Case(config, lambda _: firmware, frames, row_every=max(1, frames // BOARD_FRAMES))
         r = make_recordings.record_closed_loop(case, loop_case, progress)
-    return write(r._replace(windows=make_recordings.find_windows(r)), folder, include_design=True)
+    return write(r._replace(windows=make_recordings.find_windows(r)), folder, names_design=True)
 
 
-def first_frames(r, frames, windows):
+def shorten_recording(r, frames, windows):
     """The first frames of a recording, with rows at these windows and at the first clock."""
     adc, host, sar = r.stimulus
     d = r.params.design
@@ -376,21 +376,21 @@ def window(folder, clock, count, out=None):
     manifest = bundle.verify(folder)
     if manifest["schema"] != bundle.REPLAY_SCHEMA:
         raise ConfigError(f"{folder}: has every clock of {manifest['block']} already")
-    r = _load_case(folder, manifest) if "design" not in manifest else read_recording(folder, manifest)
+    r = _load_shipped_case(folder, manifest) if "design" not in manifest else read_bundle_recording(folder, manifest)
     end = manifest["frames"] * manifest["frame_cycles"]
     if not 1 <= count <= MAX_WINDOW:
         raise ConfigError(f"--count: {count} is outside 1 .. {MAX_WINDOW} clocks")
     if not 0 <= clock <= end - count:
         raise ConfigError(f"--clock: {clock} .. {clock + count - 1} is outside 0 .. {end - 1}, the clocks of {r.name}")
     frames = -(-(clock + count) // manifest["frame_cycles"])
-    cut = first_frames(r, frames, (recording.Window(clock, count, "asked for"),))
-    out = _window_folder(folder, clock) if out is None else Path(out)
+    cut = shorten_recording(r, frames, (recording.Window(clock, count, "asked for"),))
+    out = _default_window_folder(folder, clock) if out is None else Path(out)
     return out, write(
-        cut, out, include_design="design" in manifest, level=bundle_level(manifest), clocks=pin_delays(folder, manifest)
+        cut, out, names_design="design" in manifest, level=bundle_level(manifest), clocks=pin_delays(folder, manifest)
     )
 
 
-def _window_folder(folder, clock):
+def _default_window_folder(folder, clock):
     """FOLDER_CLOCK; a bundle in another one must not grow there: BUNDLE_FOLDER_CLOCK beside that."""
     outer = folder.parent
     if (outer / bundle.MANIFEST).exists():
@@ -398,7 +398,7 @@ def _window_folder(folder, clock):
     return folder.with_name(f"{folder.name}_{clock}")
 
 
-def _load_case(folder, manifest):
+def _load_shipped_case(folder, manifest):
     """The recording of this version that a bundle is of; FileError if it is of another."""
     if manifest["case"] not in CASES:
         raise FileError(f"{folder}: case {manifest['case']!r} is not one of {', '.join(CASES)}")

@@ -20,8 +20,8 @@ def entry(block):
     """Entries of the manifest of a `blocks.Block`; none for a block that no file gave a design."""
     if block.design is None:
         return {}
-    parameters = [{"name": name, "value": value} for name, value in block.design_keys.items()]
-    return {"design": block.design._asdict(), "design_params": parameters}
+    design_parameters = [{"name": name, "value": value} for name, value in block.design_keys.items()]
+    return {"design": block.design._asdict(), "design_params": design_parameters}
 
 
 def interface(block, case):
@@ -58,7 +58,7 @@ def manifest_design(path, manifest):
     return design_record.Design(*(getattr(values, key) for key in keys))
 
 
-def read_board(path):
+def read_board_config(path):
     """(Config, `top.Params`) of a configuration file; ConfigError where it cannot be built."""
     from testbench.config import load
     from testbench.run import build, design_check  # they know plant and engine, which no other export does
@@ -73,4 +73,4 @@ def read_board(path):
 
 def config_blocks(path):
     """{stem: Block} of a configuration file, with its parameters as cases."""
-    return blocks.firmware_blocks(read_board(path)[1])
+    return blocks.firmware_blocks(read_board_config(path)[1])

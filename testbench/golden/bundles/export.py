@@ -21,17 +21,17 @@ from testbench.version import VERSION
 
 
 def _build_manifest(block, case, stim, exp, families, seed):
-    interface = design_entry.interface(block, case)
-    case_keys = {"block": block.stem, "case": case}
-    identity = case_keys | {k: v for k, v in interface.items() if k not in ("unused_params", "levels")}
+    interface_entries = design_entry.interface(block, case)
+    case_entries = {"block": block.stem, "case": case}
+    identity = case_entries | {k: v for k, v in interface_entries.items() if k not in ("unused_params", "levels")}
     return {
         "schema": bundle.SCHEMA,
-        **case_keys,
+        **case_entries,
         "clock": {"name": "clk", "hz": block.record.master_hz},
         "reset": {"name": blocks.RESET_INPUT, "active": 1, "cycles": benches.RESET_CYCLES},
         "sample": "before rising edge",
         "n": len(stim),
-        **interface,
+        **interface_entries,
         "rules": block.rules,
         "latency": block.latency,
         "seed": seed,
@@ -45,7 +45,7 @@ def _build_manifest(block, case, stim, exp, families, seed):
 
 def _vector_texts(block, stim, exp):
     """{path: text}: packed words, one file per port, and decimal."""
-    inputs, result_ports = [(p.name, p) for p in block.columns], benches.result_pairs(block)
+    inputs, result_ports = [(p.name, p) for p in block.columns], benches.result_port_pairs(block)
     in_widths, out_widths = [p.width for _, p in inputs], [p.width for _, p in result_ports]
     out_width = sum(out_widths)
     files = {
@@ -61,15 +61,15 @@ def _vector_texts(block, stim, exp):
 
 def _waveform_writer(block, stim, exp):
     """Function that writes golden.vcd and golden.gtkw into a folder."""
-    signals = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in block.columns]
-    signals += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in block.registers]
-    signals += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in block.pins]
+    vcd_signals = [vcd.Signal(f"in.{p.name}", p.width, p.signed) for p in block.columns]
+    vcd_signals += [vcd.Signal(f"reg.{p.name}", p.width, p.signed) for p in block.registers]
+    vcd_signals += [vcd.Signal(f"out.{p.name}", p.width, p.signed) for p in block.pins]
     rows = np.column_stack([stim, exp])
 
     def write(folder):
         waves, setup = folder / "golden.vcd", folder / "golden.gtkw"
-        vcd.write_vcd(waves, rows, signals, top=block.stem)
-        vcd.write_gtkw(setup, waves, signals, top=block.stem, expanded=("in", "reg", "out"))
+        vcd.write_vcd(waves, rows, vcd_signals, top=block.stem)
+        vcd.write_gtkw(setup, waves, vcd_signals, top=block.stem, expanded=("in", "reg", "out"))
         # the version belongs to the provenance: a release must not change the hash of a vector
         for path in (waves, setup):
             path.write_bytes(path.read_bytes().replace(f"ftr-gyro {VERSION}".encode(), b"ftr-gyro", 1))
@@ -94,12 +94,12 @@ def export_case(block, case, folder, seed=stimulus.SEED):
     return write(block, case, stim, families, seed, folder)
 
 
-def select_blocks(name, extra_names=(), blocks_by_stem=blocks.BLOCKS):
-    """Blocks of a name or `all`; raises ConfigError otherwise. `extra_names` are those that the caller knows, too."""
+def select_blocks(name, extra_block_names=(), blocks_by_stem=blocks.BLOCKS):
+    """Blocks of a name or `all`; raises ConfigError otherwise. `extra_block_names` are known to the caller, too."""
     if name == "all":
         return list(blocks_by_stem.values())
     if name not in blocks_by_stem:
-        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*blocks_by_stem, *extra_names])}")
+        raise ConfigError(f"block: {name!r} is not one of all, {', '.join([*blocks_by_stem, *extra_block_names])}")
     return [blocks_by_stem[name]]
 
 
@@ -121,21 +121,21 @@ def export(name, out, progress=None, config=None, frames=design_bundle.BOARD_FRA
     config  path of a configuration: the blocks of its design, also with its parameters
     frames  of the whole design of a configuration from power-on
     """
-    settings, firmware = (None, None) if config is None else design_entry.read_board(config)
+    settings, firmware = (None, None) if config is None else design_entry.read_board_config(config)
     blocks_by_stem = blocks.BLOCKS if config is None else blocks.firmware_blocks(firmware)
     if config is not None and name in ("all", design_bundle.STEM):
         design_bundle.check_board(firmware, frames)
-    selection = [] if name == design_bundle.STEM else select_blocks(name, [design_bundle.STEM], blocks_by_stem)
+    selected_blocks = [] if name == design_bundle.STEM else select_blocks(name, [design_bundle.STEM], blocks_by_stem)
     if name in ("all", design_bundle.STEM):
-        selection.append(
-            design_bundle.make_block(
+        selected_blocks.append(
+            design_bundle.build_top_block(
                 dict.fromkeys(design_bundle.CASES if config is None else design_bundle.BOARD_CASES)
             )
         )
-    results, todo = [], [(block, case) for block in selection for case in block.cases]
+    written_bundles, todo = [], [(block, case) for block in selected_blocks for case in block.cases]
     with atomic_outputs(), contextlib.ExitStack() as stack:
         # all at the begin, so that a folder that another process writes is refused before hours are spent
-        new = {b.stem: stack.enter_context(replace_folder(Path(out) / b.stem, keep=True)) for b in selection}
+        new = {b.stem: stack.enter_context(replace_folder(Path(out) / b.stem, keep=True)) for b in selected_blocks}
         for n, (block, case) in enumerate(todo):
             if progress is not None:
                 progress(f"{block.stem}/{case}", n, len(todo))
@@ -146,7 +146,7 @@ def export(name, out, progress=None, config=None, frames=design_bundle.BOARD_FRA
                 manifest = design_bundle.export_case(case, folder)
             else:
                 manifest = design_bundle.export_board(firmware, settings, case, folder, frames)
-            results.append((Path(out) / block.stem / case, manifest))
-        for block in selection:
+            written_bundles.append((Path(out) / block.stem / case, manifest))
+        for block in selected_blocks:
             (new[block.stem] / "Makefile").write_text(folder_makefile(block))
-    return results
+    return written_bundles

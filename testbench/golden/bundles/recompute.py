@@ -51,19 +51,19 @@ class Proof(NamedTuple):
 
     def text(self):
         """One line without the folder."""
-        summary = f"computed again: {self.rows} rows and {self.files} files are equal"
+        equality_text = f"computed again: {self.rows} rows and {self.files} files are equal"
         if self.code is None:
-            return summary
-        return f"{summary}; written by {self.code}: {len(self.other)} benches, scripts and pages are not compared"
+            return equality_text
+        return f"{equality_text}; written by {self.code}: {len(self.other)} benches, scripts and pages are not compared"
 
 
-def _check_entry(path, key, stored, computed):
+def _check_manifest_entry(path, key, stored, computed):
     """FileError at the first difference of an entry of the manifest."""
     if stored == computed:
         return
     if isinstance(stored, list) and isinstance(computed, list):
         for one, other in zip(stored, computed):
-            _check_entry(path, key, one, other)
+            _check_manifest_entry(path, key, one, other)
         raise FileError(f"{path}: {key}: {len(stored)} entries, this version has {len(computed)}")
     raise FileError(f"{path}: {key}: {str(stored)[:120]} is not {str(computed)[:120]}, as this version computes it")
 
@@ -79,56 +79,56 @@ def manifest_block(path, manifest):
         return block
     # parameters of a board: what the manifest says, in this version's formats
     shape = formats(registry.block_modules()[stem].Params, design)
-    params = inputs.validate_data(manifest.get("params"), list[Param], path)
-    raw = {p.name: p.raw for p in params}
-    computed_params = [{"name": name, "fmt": list(fmt)} for name, fmt in registry.required_parameters(shape, raw)]
-    _check_entry(path, "params", [{"name": p.name, "fmt": p.fmt} for p in params], computed_params)
-    for p in params:
+    param_entries = inputs.validate_data(manifest.get("params"), list[Param], path)
+    raw = {p.name: p.raw for p in param_entries}
+    required_params = [{"name": name, "fmt": list(fmt)} for name, fmt in registry.required_parameters(shape, raw)]
+    _check_manifest_entry(path, "params", [{"name": p.name, "fmt": p.fmt} for p in param_entries], required_params)
+    for p in param_entries:
         if not Fmt(*p.fmt).holds(p.raw):
             raise FileError(f"{path}: params: {p.name} = {p.raw} is outside its format {Fmt(*p.fmt)}")
     example_params = next(iter(block.cases.values()))
     return block._replace(cases={case: flatten.rebuild(example_params, registry.raws(shape, raw))})
 
 
-def _rewrite_block(golden, path, folder):
+def _rewrite_block(old_bundle, path, folder):
     """Write the bundle of a block again from the rows of one that was read."""
-    manifest = golden.manifest
+    manifest = old_bundle.manifest
     case, block = manifest["case"], manifest_block(path, manifest)
     ports = {"inputs": block.columns, "registers": block.registers, "outputs": block.pins}
     for key, block_ports in ports.items():
-        _check_entry(path, key, manifest[key], [bundle.port(p) for p in block_ports])
+        _check_manifest_entry(path, key, manifest[key], [bundle.port(p) for p in block_ports])
     params = [{"name": name, "raw": raw, "fmt": list(fmt)} for name, raw, fmt in blocks.case_parameters(block, case)]
-    _check_entry(path, "params", manifest.get("params"), params)
-    export.write(block, case, golden.stim, manifest.get("families", ()), manifest.get("seed"), folder)
+    _check_manifest_entry(path, "params", manifest.get("params"), params)
+    export.write(block, case, old_bundle.stim, manifest.get("families", ()), manifest.get("seed"), folder)
 
 
-def _rewrite_top(golden, path, folder):
+def _rewrite_top(old_bundle, path, folder):
     """The same for a bundle of the whole design: its recording, replayed."""
-    r = design_bundle.read_recording(path.parent, golden.manifest)
-    include_design = "design" in golden.manifest
-    shipped = recording.load(r.name) if r.name in design_bundle.CASES and not include_design else None
+    r = design_bundle.read_bundle_recording(path.parent, old_bundle.manifest)
+    names_design = "design" in old_bundle.manifest
+    shipped = recording.load(r.name) if r.name in design_bundle.CASES and not names_design else None
     if shipped is not None and shipped.frames == r.frames and recording.sha256(shipped) != recording.sha256(r):
         raise FileError(f"{path}: is of another recording of {r.name} than this version has")
-    clocks = design_bundle.pin_delays(path.parent, golden.manifest)
+    clocks = design_bundle.pin_delays(path.parent, old_bundle.manifest)
     design_bundle.write(
-        r, folder, golden.at, include_design, design_bundle.bundle_level(golden.manifest), clocks=clocks
+        r, folder, old_bundle.at, names_design, design_bundle.bundle_level(old_bundle.manifest), clocks=clocks
     )
 
 
-def _check_rows(folder, name, stored, computed, at, ports):
+def _check_rows(folder, name, stored_rows, computed_rows, at, ports):
     """FileError at the first row and port that differ."""
-    if np.array_equal(stored, computed):
+    if np.array_equal(stored_rows, computed_rows):
         return
-    row = int(np.flatnonzero((stored != computed).any(axis=1))[0])
-    k = int(np.flatnonzero(stored[row] != computed[row])[0])
+    row = int(np.flatnonzero((stored_rows != computed_rows).any(axis=1))[0])
+    k = int(np.flatnonzero(stored_rows[row] != computed_rows[row])[0])
     where = f"row {row}" if at[row] == row else f"row {row} (clock {at[row]})"
     raise FileError(
-        f"{folder / name}: {where}, port {ports[k]['name']}: holds {stored[row, k]}, "
-        f"the model computes {computed[row, k]}"
+        f"{folder / name}: {where}, port {ports[k]['name']}: holds {stored_rows[row, k]}, "
+        f"the model computes {computed_rows[row, k]}"
     )
 
 
-def _first_difference(one, other):
+def _first_different_line(one, other):
     """First line in which two files differ."""
     lines = [path.read_bytes().split(b"\n") for path in (one, other)]
     return next((n for n, (a, b) in enumerate(zip(*lines), 1) if a != b), min(map(len, lines)))
@@ -138,22 +138,22 @@ def _numbers(name):
     return any(fnmatch.fnmatch(name, pattern) for pattern in NUMBERS)
 
 
-def _check_files(folder, again, stored_hashes, computed_hashes, equal_code):
+def _check_files(folder, again, stored_hashes, computed_hashes, has_equal_code):
     """Names of files that were not compared; FileError at the first that is missing, added or other."""
-    uncompared = []
+    skipped_files = []
     for name in sorted(stored_hashes.keys() | computed_hashes.keys(), key=lambda name: (not _numbers(name), name)):
         if stored_hashes.get(name) == computed_hashes.get(name):
             continue
-        if not equal_code and not _numbers(name):
-            uncompared.append(name)
+        if not has_equal_code and not _numbers(name):
+            skipped_files.append(name)
         elif name not in computed_hashes:
             raise FileError(f"{folder / name}: this version writes no such file")
         elif name not in stored_hashes:
             raise FileError(f"{folder / name}: missing: this version writes it")
         else:
-            line = _first_difference(folder / name, again / name)
+            line = _first_different_line(folder / name, again / name)
             raise FileError(f"{folder / name}: line {line} is not what the model computes")
-    return uncompared
+    return skipped_files
 
 
 def _code(manifest):
@@ -166,26 +166,26 @@ def recompute(folder):
     """`Proof` of a bundle; raises FileError with the first row and port, entry or line that the model has otherwise."""
     folder = Path(folder)
     manifest = bundle.verify(folder)
-    golden, path = bundle.read(folder), folder / bundle.MANIFEST
+    old_bundle, path = bundle.read(folder), folder / bundle.MANIFEST
     replay = manifest["schema"] == bundle.REPLAY_SCHEMA
     with tempfile.TemporaryDirectory(prefix="gyro-recompute-") as temporary_folder:
         again = Path(temporary_folder) / "again"
         try:
-            (_rewrite_top if replay else _rewrite_block)(golden, path, again)
+            (_rewrite_top if replay else _rewrite_block)(old_bundle, path, again)
         except ValueError as problem:
             raise FileError(f"{folder}: cannot be computed again: {problem}") from None
-        computed = bundle.read(again)
+        new_bundle = bundle.read(again)
         results = manifest["registers"] + manifest["outputs"]
-        _check_rows(folder, "exp.hex", golden.exp, computed.exp, golden.at, results)
-        _check_rows(folder, "stim.hex", golden.stim, computed.stim, golden.at, manifest["inputs"])
-        _check_rows(folder, "mask.hex", golden.mask, computed.mask, golden.at, results)
-        code, mine = _code(manifest), _code(computed.manifest)
+        _check_rows(folder, "exp.hex", old_bundle.exp, new_bundle.exp, old_bundle.at, results)
+        _check_rows(folder, "stim.hex", old_bundle.stim, new_bundle.stim, old_bundle.at, manifest["inputs"])
+        _check_rows(folder, "mask.hex", old_bundle.mask, new_bundle.mask, old_bundle.at, results)
+        code, mine = _code(manifest), _code(new_bundle.manifest)
         stored_hashes = manifest["sha256"]
-        uncompared = _check_files(folder, again, stored_hashes, computed.manifest["sha256"], code == mine)
+        skipped_files = _check_files(folder, again, stored_hashes, new_bundle.manifest["sha256"], code == mine)
         keys = (
-            IDENTITY if code != mine else [k for k in manifest.keys() | computed.manifest.keys() if k not in UNSEALED]
+            IDENTITY if code != mine else [k for k in manifest.keys() | new_bundle.manifest.keys() if k not in UNSEALED]
         )
         for key in sorted(keys):
-            _check_entry(path, key, manifest.get(key), computed.manifest.get(key))
-    code_version = None if code == mine else f"version {code[0]}, git {str(code[1])[:12]}"
-    return Proof(len(golden.exp), len(stored_hashes) - len(uncompared), code_version, tuple(uncompared))
+            _check_manifest_entry(path, key, manifest.get(key), new_bundle.manifest.get(key))
+    writer_version = None if code == mine else f"version {code[0]}, git {str(code[1])[:12]}"
+    return Proof(len(old_bundle.exp), len(stored_hashes) - len(skipped_files), writer_version, tuple(skipped_files))

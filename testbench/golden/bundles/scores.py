@@ -24,8 +24,8 @@ def vectors(manifest):
     """Hash of what a score of these vectors depends on: words and parameters, not benches and waves."""
     if manifest["schema"] == bundle.REPLAY_SCHEMA:
         return manifest["recording_sha256"]
-    hashes = [manifest["sha256"][f"{name}.hex"] for name in bundle.hex_names(manifest)] + [manifest["params"]]
-    return hashlib.sha256(bundle.canonical(hashes).encode()).hexdigest()
+    hash_inputs = [manifest["sha256"][f"{name}.hex"] for name in bundle.hex_stems(manifest)] + [manifest["params"]]
+    return hashlib.sha256(bundle.canonical(hash_inputs).encode()).hexdigest()
 
 
 def design(paths):
@@ -37,10 +37,10 @@ def design(paths):
 def entry(outcome, vector_hashes, design_hash, cpu_s):
     """JSON of an outcome; `vector_hashes` is {case: hash}. Proved faults are counted, the others listed."""
     outcome_dict = outcome.to_dict()
-    unproved = [s for s in outcome_dict["survivors"] if s["verdict"] != "equivalent"]
-    survivors = [{k: s[k] for k in ("verdict", "fault", "source", "why")} for s in unproved]
+    unproved_faults = [s for s in outcome_dict["survivors"] if s["verdict"] != "equivalent"]
+    survivor_entries = [{k: s[k] for k in ("verdict", "fault", "source", "why")} for s in unproved_faults]
     return {k: outcome_dict[k] for k in KEYS} | {
-        "vectors": vector_hashes, "design": design_hash, "cpu_s": round(cpu_s, 1), "left": survivors,
+        "vectors": vector_hashes, "design": design_hash, "cpu_s": round(cpu_s, 1), "left": survivor_entries,
     }  # fmt: skip
 
 

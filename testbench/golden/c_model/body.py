@@ -35,7 +35,7 @@ class Body(Expressions):
         stored = [part for part in ast.walk(tree) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)]
         self.local = {part.id for part in stored}
 
-    def _add_result(self, kind):
+    def _add_result_kind(self, kind):
         if self.results and self.results[0] != kind:
             raise Unsupported(f"{self.tree.name}: returns of two kinds")
         self.results.append(kind)
@@ -100,7 +100,7 @@ class Body(Expressions):
 
     def _return(self, node):
         kind = self.kind(node)
-        self._add_result(kind)
+        self._add_result_kind(kind)
         if isinstance(kind, StaticValue):
             return
         if aggregate(kind):
@@ -140,10 +140,10 @@ class Body(Expressions):
     def _assign_all(self, targets, node):
         """Several names at once; values that a name before them changes are taken first."""
         if not isinstance(node, ast.Tuple):
-            sequence = self.value(node)
-            element_kind = sequence.kind.of
+            sequence_value = self.value(node)
+            element_kind = sequence_value.kind.of
             for k, target in enumerate(targets):
-                self._set(target.id, Value(element_kind, address(element_kind, f"{sequence.text}[{k}]")))
+                self._set(target.id, Value(element_kind, address(element_kind, f"{sequence_value.text}[{k}]")))
             return
         names = [target.id for target in targets]
         hazard = any(_uses([part], name) for k, part in enumerate(node.elts) for name in names[:k])
@@ -153,11 +153,11 @@ class Body(Expressions):
             return
         values = []
         for name, part in zip(names, node.elts, strict=True):
-            part_value = self.value(part)
-            if part_value.kind != NUMBER:
+            element_value = self.value(part)
+            if element_value.kind != NUMBER:
                 raise Unsupported(ast.unparse(node))
             self.scratch.append(f"int64_t new_{c_name(name)};")
-            self.line(f"new_{c_name(name)} = {bare(part_value.text)};")
+            self.line(f"new_{c_name(name)} = {bare(element_value.text)};")
             values.append(Value(NUMBER, f"new_{c_name(name)}"))
         for name, value in zip(names, values):
             self._set(name, value)

@@ -8,11 +8,11 @@ Source  docs/c_model.md
 """
 
 
-def _port_bits(ports):
+def _total_port_width(ports):
     return sum(port.width for port in ports)
 
 
-def _join_names(names, indent):
+def _join_name_lines(names, indent):
     """Names side by side, some to a line."""
     lines = [", ".join(names[k : k + 6]) for k in range(0, len(names), 6)]
     return (",\n" + " " * indent).join(lines)
@@ -25,8 +25,8 @@ def _literal(value):
 
 def scoreboard(c_block):
     """Text of BLOCK_scoreboard.sv."""
-    b = c_block.ports
-    input_width, result_width = _port_bits(b.inputs), _port_bits((*b.registers, *b.pins))
+    b = c_block.block
+    input_width, result_width = _total_port_width(b.inputs), _total_port_width((*b.registers, *b.pins))
     inputs = [p.name for p in b.inputs]
     results = [f"r_{p.name}" for p in b.registers] + [f"o_{p.name}" for p in b.pins]
     ports = ["    input wire clk", "    input wire rst"]
@@ -48,8 +48,8 @@ def scoreboard(c_block):
             "",
             "    chandle model;",
             "    int found;",
-            f"    wire [{input_width - 1}:0] given = {{{_join_names(inputs, 8)}}};",
-            f"    wire [{result_width - 1}:0] shown = {{{_join_names(results, 8)}}};",
+            f"    wire [{input_width - 1}:0] given = {{{_join_name_lines(inputs, 8)}}};",
+            f"    wire [{result_width - 1}:0] shown = {{{_join_name_lines(results, 8)}}};",
             "",
             "    initial begin",
             f'        model = gyro_dpi_open("{b.stem}");',
@@ -75,11 +75,11 @@ def scoreboard(c_block):
 
 def bind(c_block):
     """Text of BLOCK_bind.sv."""
-    b = c_block.ports
+    b = c_block.block
     names = ["clk", "rst", *(p.name for p in b.inputs)]
     names += [f"r_{p.name}" for p in b.registers] + [f"o_{p.name}" for p in b.pins]
     params = ", ".join(f".{name}({name})" for name, _, _, _ in c_block.params)
-    ports = _join_names([f".{name}({name})" for name in names], 4)
+    ports = _join_name_lines([f".{name}({name})" for name in names], 4)
     head = f" #({params})" if params else ""
     return f"bind gyro_{b.stem} gyro_{b.stem}_scoreboard{head} scoreboard (\n    {ports});\n"
 
@@ -88,17 +88,17 @@ def functions(c_blocks):
     """Text of gyro_dpi_blocks.c."""
     lines = ['#include "gyro_dpi.h"', ""]
     for c_block in c_blocks:
-        name = f"gyro_{c_block.ports.stem}_dpi_clock"
-        parameters = (
+        name = f"gyro_{c_block.block.stem}_dpi_clock"
+        parameter_text = (
             "void *model, svBit rst, const svBitVecVal *given, const svBitVecVal *shown, const svBitVecVal *known"
         )
-        lines += [f"int {name}({parameters});", f"int {name}({parameters}) {{"]
+        lines += [f"int {name}({parameter_text});", f"int {name}({parameter_text}) {{"]
         lines += ["    return gyro_dpi_clock(model, rst, given, shown, known);", "}", ""]
     return "\n".join(lines)
 
 
 def dpi_texts(c_blocks):
     """{path: text} of all of them."""
-    files = {f"dpi/{c_block.ports.stem}_scoreboard.sv": scoreboard(c_block) for c_block in c_blocks}
-    files |= {f"dpi/{c_block.ports.stem}_bind.sv": bind(c_block) for c_block in c_blocks}
+    files = {f"dpi/{c_block.block.stem}_scoreboard.sv": scoreboard(c_block) for c_block in c_blocks}
+    files |= {f"dpi/{c_block.block.stem}_bind.sv": bind(c_block) for c_block in c_blocks}
     return files | {"dpi/gyro_dpi_blocks.c": functions(c_blocks)}

@@ -23,13 +23,13 @@ from testbench.storage.files import replace_folder
 
 TEMPLATES = Path(__file__).with_name("templates")
 GOLDEN = "golden"
-FOLDERS = {"gyro_dpi": "dpi"}
+FOLDER_BY_STEM = {"gyro_dpi": "dpi"}
 MODEL = ("integers.h", "integers.c", "blocks.h", "blocks.c")
 
 
 def firmware(config=None):
     """`top.Params` of a configuration file, or those of the shipped golden vectors."""
-    return recording.load("power_on").params if config is None else design_entry.read_board(config)[1]
+    return recording.load("power_on").params if config is None else design_entry.read_board_config(config)[1]
 
 
 def model(params, extend=None):
@@ -58,13 +58,13 @@ def _model(program, c_blocks, extend=None):
     return files | {"blocks_of_design.c": flat_ports.text(program, c_blocks)}
 
 
-def folder_texts(params):
+def c_folder_texts(params):
     """{path: text} of a folder of C for a firmware (`top.Params`)."""
     program, c_blocks = flat_ports.translate_firmware(params)
     files = {"Makefile": (TEMPLATES / "Makefile").read_text()}
     for path in sorted(TEMPLATES.iterdir()):
         if path.suffix in (".c", ".h", ".sv") and path.name not in MODEL:
-            files[f"{FOLDERS.get(path.stem, 'check')}/{path.name}"] = path.read_text()
+            files[f"{FOLDER_BY_STEM.get(path.stem, 'check')}/{path.name}"] = path.read_text()
     files |= {f"embedded/{path.name}": path.read_text() for path in sorted((TEMPLATES / "embedded").iterdir())}
     files |= {f"model/{name}": text for name, text in _model(program, c_blocks).items()}
     return files | dpi.dpi_texts(c_blocks)
@@ -75,7 +75,7 @@ def export(folder, config=None, fill=None):
 
     fill  function that writes more into the new folder, which takes its place as a whole
     """
-    folder, files = Path(folder), folder_texts(firmware(config))
+    folder, files = Path(folder), c_folder_texts(firmware(config))
     for path in sorted(folder.glob("*/*.[ch]")):
         if path.relative_to(folder).as_posix() not in files:
             raise ConfigError(f"{path} is not of this model: make would compile it; move it, or name another folder")

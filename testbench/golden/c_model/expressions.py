@@ -106,11 +106,11 @@ class Expressions:
         """Text of a number as an argument."""
         return bare(self.number(node))
 
-    def module_value(self, value, name):
+    def module_value(self, python_value, name):
         """A value behind a name of a module: a constant, or what is known."""
-        if isinstance(value, (bool, int, np.integer)):
-            return Value(NUMBER, self.program.constant(self.module, name, int(value)))
-        return Value(StaticValue(value))
+        if isinstance(python_value, (bool, int, np.integer)):
+            return Value(NUMBER, self.program.constant(self.module, name, int(python_value)))
+        return Value(StaticValue(python_value))
 
     def _constant(self, node):
         return Value(StaticValue(None)) if node.value is None else Value(NUMBER, literal(node.value))
@@ -132,15 +132,15 @@ class Expressions:
                 return Value(kind)
             lvalue = member(base.text, c_name(node.attr))
             return Value(kind, address(kind, lvalue))
-        owner = base.kind.value
-        member_value = getattr(owner, node.attr)
-        if isinstance(owner, Design):
+        owner_object = base.kind.value
+        attribute_value = getattr(owner_object, node.attr)
+        if isinstance(owner_object, Design):
             return Value(NUMBER, self.program.key(node.attr))
-        if isinstance(owner, ModuleType):
-            if isinstance(member_value, (int, np.integer)):
-                return Value(NUMBER, self.program.constant(owner.__name__, node.attr, int(member_value)))
-            return Value(StaticValue(member_value))
-        return self.module_value(member_value, ast.unparse(node))
+        if isinstance(owner_object, ModuleType):
+            if isinstance(attribute_value, (int, np.integer)):
+                return Value(NUMBER, self.program.constant(owner_object.__name__, node.attr, int(attribute_value)))
+            return Value(StaticValue(attribute_value))
+        return self.module_value(attribute_value, ast.unparse(node))
 
     def _unaryop(self, node):
         if isinstance(node.op, ast.Not):

@@ -16,9 +16,9 @@ from testbench.golden.stimulus import blocks
 
 
 class CBlock(NamedTuple):
-    """A block in C: its ports, kinds of its arguments by name, and its functions."""
+    """A block in C: its `blocks.Block`, kinds of its arguments by name, and its functions."""
 
-    ports: blocks.Block
+    block: blocks.Block
     params: list
     kinds: dict
     runtime: bool
@@ -42,15 +42,15 @@ def _params(module, params, design):
     return [(registry.port_name(name), fmt, int(values[name]), added.get(name)) for name, fmt in registry.leaves(shape)]
 
 
-def make(program, stem, ports, params, optional=None):
+def make(program, stem, block, params, optional=None):
     """`CBlock` of a block of a firmware.
 
     params    parameters; None where it has none
     optional  registers with the optional parts that the firmware has; None: those at reset
     """
     module = top if stem == top_bundle.STEM else registry.block_modules()[stem]
-    d, runtime = program.design, ports.runtime_params
-    state = optional or ports.state
+    d, runtime = program.design, block.runtime_params
+    state = optional or block.state
     structure = {"rom": sine.table(d)} if module is top else registry.structure(module, d)
     kinds = {name: StaticValue(value) for name, value in structure.items()}
     state_fmt = formats(module.State, d, state)
@@ -65,7 +65,7 @@ def make(program, stem, ports, params, optional=None):
         program.declare(kinds[name], shape)
     outputs = ["pins"] if module is top else list(module.BLOCK.outputs)
     return CBlock(
-        ports, [] if runtime else _params(module, params, d), {**{k: kinds[k] for k in shapes}, **kinds}, runtime,
+        block, [] if runtime else _params(module, params, d), {**{k: kinds[k] for k in shapes}, **kinds}, runtime,
         _translate(program, module, "step", kinds), [_translate(program, module, name, kinds) for name in outputs],
     )  # fmt: skip
 
@@ -79,10 +79,10 @@ def translate_firmware(params):
     program.declare(infer_kind(state), formats(top.State, design, state))
     program.declare(infer_kind(params), formats(top.Params, design, params))
     c_blocks = []
-    for stem, ports in blocks.design_blocks(design).items():
-        c_blocks.append(make(program, stem, ports, next(iter(ports.cases.values()))))
-    top_ports = top_bundle.make_block({"firmware": params}, design)
-    c_blocks.append(make(program, top_bundle.STEM, top_ports, params, state))
+    for stem, block in blocks.design_blocks(design).items():
+        c_blocks.append(make(program, stem, block, next(iter(block.cases.values()))))
+    top_block = top_bundle.build_top_block({"firmware": params}, design)
+    c_blocks.append(make(program, top_bundle.STEM, top_block, params, state))
     for name in ("amplitude", "dac_init"):
         kinds = {"p": infer_kind(params.control), "s": infer_kind(state.control)}
         _translate(program, control, name, kinds)
@@ -92,7 +92,7 @@ def translate_firmware(params):
 # ---- text ------------------------------------------------------------------------------------------------------------
 
 
-def _unpack_argument(name, kind, row, first):
+def _argument_code(name, kind, row, first):
     """(lines that copy a part of a row into a struct, text of the argument)."""
     if kind == NUMBER:
         return [], f"{row}[{first}]"
@@ -112,26 +112,26 @@ def _arguments(c_block, names):
             row, at = "inputs", first
             first += number_count(kind)
         if name in names:
-            more, texts[name] = _unpack_argument(name, kind, row, at)
+            more, texts[name] = _argument_code(name, kind, row, at)
             lines += more
     return lines, [texts[name] for name in names if name in texts]
 
 
-ROW_ARGUMENTS = "const int64_t *params, const int64_t *registers, const int64_t *inputs"
+ROW_PARAMETER_TEXT = "const int64_t *params, const int64_t *registers, const int64_t *inputs"
 UNUSED = "    (void)params, (void)registers, (void)inputs;"
 
 
 def _step_text(c_block):
-    stem, kind = c_block.ports.stem, c_block.step[1].result
+    stem, kind = c_block.block.stem, c_block.step[1].result
     lines, texts = _arguments(c_block, c_block.step[0])
-    head = f"static void {stem}_step({ROW_ARGUMENTS}, int64_t *next)"
+    head = f"static void {stem}_step({ROW_PARAMETER_TEXT}, int64_t *next)"
     call = f"    {c_block.step[1].name}({', '.join([*texts, '&after'])});"
     after = f"    {kind.c_name} after;"
     return "\n".join([f"{head} {{", *lines, after, UNUSED, call, "    memcpy(next, &after, sizeof after);", "}", ""])
 
 
 def _show_text(c_block):
-    stem, lines, at = c_block.ports.stem, [], 0
+    stem, lines, at = c_block.block.stem, [], 0
     names = {name for used, _ in c_block.pins for name in used}
     copies, _ = _arguments(c_block, names)
     for k, (used, signature) in enumerate(c_block.pins):
@@ -145,7 +145,7 @@ def _show_text(c_block):
         else:
             lines += [f"    pins[{at}] = {signature.name}({', '.join(texts)});"]
         at += number_count(signature.result)
-    head = f"static void {stem}_show({ROW_ARGUMENTS}, int64_t *pins)"
+    head = f"static void {stem}_show({ROW_PARAMETER_TEXT}, int64_t *pins)"
     return "\n".join([f"{head} {{", *copies, UNUSED.replace(";", ", (void)pins;"), *lines, "}", ""])
 
 
@@ -166,9 +166,9 @@ def _table(stem, what, rows):
 
 def _ports_text(c_block):
     """(tables of the ports, entry of the block)."""
-    b, texts, entries = c_block.ports, [], []
-    params = [(n, f.width, int(f.s), int(default is not None), default or 0) for n, f, _, default in c_block.params]
-    tables = {"params": params}
+    b, texts, entries = c_block.block, [], []
+    param_rows = [(n, f.width, int(f.s), int(default is not None), default or 0) for n, f, _, default in c_block.params]
+    tables = {"params": param_rows}
     for what, ports in (("inputs", b.inputs), ("registers", b.registers), ("pins", b.pins)):
         tables[what] = [(p.name, p.width, int(p.signed), 0, p.reset or 0) for p in ports]
     for what, rows in tables.items():
@@ -194,12 +194,12 @@ def _sizes(c_block):
 
 def text(program, c_blocks):
     """Text of blocks_of_design.c."""
-    lines = ['#include "blocks.h"', *(f'#include "{c_block.ports.stem}.h"' for c_block in c_blocks), ""]
+    lines = ['#include "blocks.h"', *(f'#include "{c_block.block.stem}.h"' for c_block in c_blocks), ""]
     entries = []
     for c_block in c_blocks:
-        ports, entry = _ports_text(c_block)
+        port_tables, entry = _ports_text(c_block)
         entries.append(entry)
-        lines += [*_sizes(c_block), ports, _step_text(c_block), _show_text(c_block)]
+        lines += [*_sizes(c_block), port_tables, _step_text(c_block), _show_text(c_block)]
     usual = type(program.design)()
     keys = [f'    {{"{name}", {value}, {getattr(usual, name)}}},' for name, value in program.design._asdict().items()]
     lines += ["const gyro_block gyro_blocks[] = {", *entries, "};", ""]

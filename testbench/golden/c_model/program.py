@@ -12,7 +12,7 @@ from fpga_model.fixed import formats
 from testbench.golden.c_model.body import Body
 from testbench.golden.c_model.c_kinds import Array, Record, StaticValue, c_name, infer_kind, prefix
 from testbench.golden.c_model.expressions import Unsupported, literal
-from testbench.golden.ranges.interpreter import source_tree
+from testbench.golden.ranges.interpreter import read_function_source
 
 DESIGN = "design"
 
@@ -31,12 +31,12 @@ class Part:
         """All texts of the header."""
         declarations = [f"#define {name} {text}" for name, text in self.constants.items()]
         declarations += [f"extern const int64_t {name}[{len(words)}];" for name, words in self.tables.items()]
-        sections = [
+        header_sections = [
             "\n".join(declarations) + "\n",
             *self.structs.values(),
             *(function.text for function in self.functions),
         ]
-        return "\n".join(sections)
+        return "\n".join(header_sections)
 
 
 class Program:
@@ -113,7 +113,7 @@ class Program:
             name = next(name for name in names if name not in self.used_names)
             self.used_names.add(name)
             try:
-                self.signatures[key] = Body(self, func, source_tree(func).tree).function(name, kinds)
+                self.signatures[key] = Body(self, func, read_function_source(func).tree).function(name, kinds)
             except (Unsupported, AttributeError, KeyError) as error:
                 raise Unsupported(f"{func.__module__}.{func.__name__}: {error}") from error
             if self.signatures[key].text:
@@ -125,8 +125,8 @@ class Program:
     def includes(self, stem, text):
         """Stems of the parts that a text names."""
         names = "|".join(sorted(map(re.escape, self.parts), key=len, reverse=True))
-        stems = {name.lower() for name in re.findall(rf"\bgyro_({names})_", text, re.I)}
-        return sorted(stems - {stem})
+        part_stems = {name.lower() for name in re.findall(rf"\bgyro_({names})_", text, re.I)}
+        return sorted(part_stems - {stem})
 
     def header(self, stem):
         """Text of STEM.h."""

@@ -165,7 +165,7 @@ class Report(NamedTuple):
 
 def _ports(manifest, kinds):
     """{name: (Fmt, reset, width)} of some of the manifest's lists."""
-    ports = {}
+    port_formats = {}
     for kind in kinds:
         for port in manifest.get(kind, []):
             try:
@@ -177,8 +177,8 @@ def _ports(manifest, kinds):
                 raise FileError(f"manifest: port {name}: width {port['width']} is not that of format {fmt}")
             if not 0 < fmt.width <= MAX_WIDTH:
                 raise FileError(f"manifest: port {name}: {fmt.width} bits, the limit is {MAX_WIDTH}")
-            ports[name] = (fmt, reset)
-    return ports
+            port_formats[name] = (fmt, reset)
+    return port_formats
 
 
 def formats(manifest):
@@ -197,8 +197,8 @@ def _as_column(value):
 
 def _error_lsb(manifest, name, width, want, have):
     """Difference of two values of a port; of a register that wraps, modulo its width and nearest to zero."""
-    ports = manifest["inputs"] + manifest["registers"] + manifest["outputs"]
-    wraps = any(port["name"] == name and port.get("overflow") == "wrap" for port in ports)
+    port_entries = manifest["inputs"] + manifest["registers"] + manifest["outputs"]
+    wraps = any(port["name"] == name and port.get("overflow") == "wrap" for port in port_entries)
     half = 1 << (width - 1)
     return (have - want + half) % (2 * half) - half if wraps else have - want
 
@@ -238,8 +238,8 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
     counts = {name: (care or {}).get(name, np.ones(manifest["n"], bool))[:n] for name in logged}
     wrong = {name: counts[name] & (~c.valid[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
     differing = {name: int(rows.sum()) for name, rows in wrong.items() if rows.any()}
-    rtl_ports = {p["name"]: name for name, p in levels.compared_ports(manifest, terms.level)}
-    missing = tuple(name for name in expected if name in rtl_ports and name not in logged)
+    rtl_name_by_port = {p["name"]: name for name, p in levels.compared_ports(manifest, terms.level)}
+    missing = tuple(name for name in expected if name in rtl_name_by_port and name not in logged)
     some = np.logical_or.reduce([rows for name, rows in counts.items() if name in expected])
     head = (manifest["block"], manifest.get("case", ""), n, manifest["n"], tuple(logged), missing, terms.level,
             int(some.sum()), dict(terms.clocks), differing)  # fmt: skip
@@ -247,11 +247,11 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         return Report(*head, None, (), terms.first, logged)
 
     # a late port shows a row later than the others
-    delays = {name: terms.clocks.get(rtl_ports.get(name), 0) for name in differing}
-    firsts = {name: int(np.argmax(wrong[name])) + delays[name] for name in differing}
+    port_delays = {name: terms.clocks.get(rtl_name_by_port.get(name), 0) for name in differing}
+    firsts = {name: int(np.argmax(wrong[name])) + port_delays[name] for name in differing}
     clock = min(firsts.values())
-    first_ports = [name for name in differing if firsts[name] == clock]
-    port, cycle = first_ports[0], clock - delays[first_ports[0]]
+    first_differing_ports = [name for name in differing if firsts[name] == clock]
+    port, cycle = first_differing_ports[0], clock - port_delays[first_differing_ports[0]]
 
     def logged_value(name, row):
         column = logged[name]
@@ -271,25 +271,25 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         cycle=terms.first + clock,
         time_ns=(terms.first + clock) * 1e9 / manifest["clock"]["hz"],
         port=port,
-        kind=levels.port_kind(manifest, rtl_ports[port]) if port in rtl_ports else "input",
+        kind=levels.port_kind(manifest, rtl_name_by_port[port]) if port in rtl_name_by_port else "input",
         expected=want,
         got=have,
         expected_value=want * scale,
         got_value=None if have is None else have * scale,
         error_lsb=None if have is None else _error_lsb(manifest, port, fmts[port].width, want, have),
-        also=tuple(first_ports[1:]),
+        also=tuple(first_differing_ports[1:]),
         before=preceding_rows,
     )
     diagnosis = _diagnosis(manifest, inputs, golden, logged, counts, n, divergence)
     return Report(*head, divergence, diagnosis, terms.first, logged)
 
 
-def compare_bundle(golden, got, before=BEFORE, scope=None):
+def compare_bundle(golden, got, before=BEFORE, comparison=None):
     """Compare columns of a design with a bundle that was read; returns a `Report`.
 
     golden  `bundle.Bundle`
     got     {name: column or Column} of the design
-    scope   `foreign.comparison_scope.ComparisonScope` of the bundle; None: every row of every port
+    comparison  `foreign.comparison_scope.ComparisonScope` of the bundle; None: every row of every port
     Raises FileError for the bundle of the whole firmware: its rows are apart, and only its own bench can use them.
     """
     manifest = golden.manifest
@@ -297,7 +297,7 @@ def compare_bundle(golden, got, before=BEFORE, scope=None):
         raise FileError("top: its rows are apart; compare the whole design with its own bench: make -C FOLDER check")
     names = [port["name"] for port in manifest["inputs"]]
     results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
-    care = golden.mask != 0 if scope is None else scope.care
+    care = golden.mask != 0 if comparison is None else comparison.care
     return compare(
         manifest,
         dict(zip(names, golden.stim.T.copy())),
@@ -305,11 +305,11 @@ def compare_bundle(golden, got, before=BEFORE, scope=None):
         got,
         dict(zip(results, care.T)),
         before,
-        EVERYTHING if scope is None else Terms(scope.level, scope.first, scope.clocks),
+        EVERYTHING if comparison is None else Terms(comparison.level, comparison.first, comparison.clocks),
     )
 
 
-def _input_column(golden, logged):
+def _driven_input_column(golden, logged):
     """Column of an input: what the design was given, where its log says so."""
     return golden if logged is None else np.where(logged.valid[: len(golden)], logged.values[: len(golden)], golden)
 
@@ -325,7 +325,7 @@ def _diagnosis(manifest, inputs, golden, logged, counts, n, divergence):
         params={p["name"]: p["raw"] for p in manifest.get("params", [])},
         # a column has the register's values where an input has its name
         inputs={
-            name: _input_column(column[:n], None if name in names else logged.get(name))
+            name: _driven_input_column(column[:n], None if name in names else logged.get(name))
             for name, column in inputs.items()
         },
         expected={name: golden[name][:n] for name in names},

@@ -66,15 +66,15 @@ class Design(NamedTuple):
         if self.port_map is None:
             return {}
         port_map = self.port_map
-        map_names = [name for _, name, _ in port_map.parameters] + [name for name, _ in port_map.constants]
-        return dict.fromkeys([*map_names, port_map.clock, port_map.reset[0]], 1) | adapter.widths(port_map)
+        parameter_names = [name for _, name, _ in port_map.parameters] + [name for name, _ in port_map.constants]
+        return dict.fromkeys([*parameter_names, port_map.clock, port_map.reset[0]], 1) | adapter.widths(port_map)
 
     def hint(self, missing):
         """What helps where these ports are missing; empty if nothing is known to."""
         no_reset = self.port_map and self.port_map.reset[0] in missing
-        hints = ['a design without a reset has style = "none"'] if no_reset else []
+        hint_texts = ['a design without a reset has style = "none"'] if no_reset else []
         registers = self.level == "registers" and any(name.startswith("r_") for name in missing)
-        return [*hints, *["level registers needs every register, another --level does not"] * registers]
+        return [*hint_texts, *["level registers needs every register, another --level does not"] * registers]
 
 
 def _simulator(sim, languages, what):
@@ -95,19 +95,19 @@ def _sources(rtl, block, choice, top):
     if not Path(rtl).is_dir():
         raise FileError(f"{rtl}: not a folder")
     if choice.files is not None:
-        candidates = [rtl_sources.read_source_list(choice.files)]
+        source_sets = [rtl_sources.read_source_list(choice.files)]
     else:
-        candidates = rtl_sources.folder_sources(rtl, block) or (rtl_sources.folder_sources(rtl, top) if top else [])
+        source_sets = rtl_sources.folder_sources(rtl, block) or (rtl_sources.folder_sources(rtl, top) if top else [])
     language = SIMULATORS[choice.sim].language if choice.sim else None
-    usable_candidates = [candidate for candidate in candidates if language in (None, candidate.language)]
-    if not usable_candidates:
-        file_names = {None: f"{block}.v, .sv or .vhd", "verilog": f"{block}.v or .sv", "vhdl": f"{block}.vhd"}[language]
+    usable_sources = [source_set for source_set in source_sets if language in (None, source_set.language)]
+    if not usable_sources:
+        file_hint = {None: f"{block}.v, .sv or .vhd", "verilog": f"{block}.v or .sv", "vhdl": f"{block}.vhd"}[language]
         hint = f", nor {top}, and no --files list" if top else ""
         raise FileError(
-            f"{choice.files or rtl}: no design for {choice.sim or 'any simulator'}: there is no {file_names}{hint}"
+            f"{choice.files or rtl}: no design for {choice.sim or 'any simulator'}: there is no {file_hint}{hint}"
         )
-    sim = _simulator(choice.sim, [candidate.language for candidate in usable_candidates], "the design")
-    return sim, next(candidate for candidate in usable_candidates if candidate.language == SIMULATORS[sim].language)
+    sim = _simulator(choice.sim, [source_set.language for source_set in usable_sources], "the design")
+    return sim, next(source_set for source_set in usable_sources if source_set.language == SIMULATORS[sim].language)
 
 
 def select_design(manifest, rtl, choice=AS_OURS):

@@ -16,14 +16,14 @@ from fpga_model import top
 from fpga_model.block import block_modules, leaves
 from fpga_model.design_record import DEFAULT
 from testbench.golden.diagnosis import design_graph, elaborate
-from testbench.golden.diagnosis.cause_ranking import MOST_CAUSES, Cause, hidden_causes, rank_causes
+from testbench.golden.diagnosis.cause_ranking import MOST_REPORTED_CAUSES, Cause, hidden_causes, rank_causes
 from testbench.golden.diagnosis.fault_search import Search
 from testbench.golden.diagnosis.node_rows import Rows as Wires
-from testbench.golden.diagnosis.partial_observation import PartialObservation
+from testbench.golden.diagnosis.partial_observation import HiddenRegisterSearch
 from testbench.golden.recording import board_pins, recording
 
 MOST_SHIFT = 8  # clocks
-PINLESS_FACTOR = 2  # a cause at the pins of the whole design may as well be in a block that leads to no pin
+PINS_ONLY_DIVISOR = 2  # a cause at the pins of the whole design may as well be in a block that leads to no pin
 LEAST_ROWS = 4  # wrong rows of a register of the whole design, below which its cause is not certain
 
 
@@ -78,15 +78,15 @@ def diagnose(rows):
         return []
     count = len(next(iter(rows.expected.values())))
     inputs = {"rst": np.zeros(count, np.int64), **rows.inputs}
-    input_names = {name.removeprefix("in ") for name in net.fmts if name.startswith("in ")}
-    if not input_names <= set(inputs) or not set(net.reset) <= set(rows.expected):
+    required_inputs = {name.removeprefix("in ") for name in net.fmts if name.startswith("in ")}
+    if not required_inputs <= set(inputs) or not set(net.reset) <= set(rows.expected):
         return []
     got = {name: column for name, column in rows.got.items() if name in net.roots}
     care = {name: rows.care[name] for name in got}
     leaves = {("in", name): column for name, column in inputs.items()}
     if not set(net.reset) <= set(got):
         leaves |= {("reg", name): rows.expected[name] for name in net.reset}
-        return hidden_causes(PartialObservation(net, leaves, got, care, rows.expected))
+        return hidden_causes(HiddenRegisterSearch(net, leaves, got, care, rows.expected))
     register_columns = {name: np.where(care[name], got[name], rows.expected[name]) for name in net.reset}
     leaves |= {("reg", name): column for name, column in register_columns.items()}
     search = Search(net, leaves, got, care, rows.expected)
@@ -98,8 +98,8 @@ def _search_causes(rows, search):
     first = list(_first_row_causes(rows, search))
     names = {c.register for c in first}
     count = len(names | set(search.faulty))
-    later_causes = (c for c in rank_causes(search, names) if c.register not in rows.undefined_registers)
-    return [*(c._replace(share=c.share / count) for c in first), *later_causes], count
+    ranked_causes = (c for c in rank_causes(search, names) if c.register not in rows.undefined_registers)
+    return [*(c._replace(share=c.share / count) for c in first), *ranked_causes], count
 
 
 def _top_causes(rows):
@@ -116,7 +116,7 @@ def _top_causes(rows):
     except elaborate.Unsupported:
         return []
     if not set(registers) <= set(rows.got):
-        return _pin_causes(rows, net, instances, registers)
+        return _pins_only_causes(rows, net, instances, registers)
     register_columns = {name: np.where(rows.care[name], rows.got[name], rows.expected[name]) for name in registers}
     columns = {("in", name): column for name, column in (rows.inputs | register_columns).items()}
     wires = Wires(net, columns, len(register_columns[registers[0]]))
@@ -131,11 +131,11 @@ def _top_causes(rows):
         for cause in instance_causes:
             design_cause = cause._replace(register=one.names[cause.register], share=cause.share * count)
             groups.setdefault((cause.cause, *one.homes[cause.register]), []).append(design_cause)
-    merged = [group[0]._replace(share=sum(c.share for c in group) / total) for group in groups.values()]
-    return sorted(merged, key=lambda cause: -cause.share)[:MOST_CAUSES]
+    merged = [causes[0]._replace(share=sum(c.share for c in causes) / total) for causes in groups.values()]
+    return sorted(merged, key=lambda cause: -cause.share)[:MOST_REPORTED_CAUSES]
 
 
-def _pin_causes(rows, net, instances, registers):
+def _pins_only_causes(rows, net, instances, registers):
     """[Cause] of the whole design of which the pins alone are seen, none of them certain.
 
     A block that leads to a wrong pin is given what golden registers give it. The cause must explain every wrong pin:
@@ -150,7 +150,7 @@ def _pin_causes(rows, net, instances, registers):
     wires = Wires(net, {("in", name): column for name, column in golden.items()}, len(rows.inputs["rst"]))
     per_instance, modules = [], set()
     for path, one in instances.items():
-        pins = {name: pin for name, pin in design_graph.instance_pins(path).items() if pin in rows.got}
+        pins = {name: pin for name, pin in design_graph.instance_top_pins(path).items() if pin in rows.got}
         if not wrong & set(pins.values()):
             continue
         wrong -= set(pins.values())
@@ -160,18 +160,18 @@ def _pin_causes(rows, net, instances, registers):
         leaf_columns |= {("reg", name): rows.expected[one.names[name]] for name in instance_net.reset}
         leaf_columns["in", "rst"] = rows.inputs["rst"]
         pin_columns = [{name: of[pin] for name, pin in pins.items()} for of in (rows.got, care, rows.expected)]
-        causes = hidden_causes(PartialObservation(instance_net, leaf_columns, *pin_columns), every=True)
+        causes = hidden_causes(HiddenRegisterSearch(instance_net, leaf_columns, *pin_columns), every=True)
         per_instance.append({(c.cause, c.what): c._replace(register=one.names[c.register]) for c in causes})
     if wrong or len(modules) != 1:
         return []
     both = set.intersection(*map(set, per_instance))
-    share = min((cause.share for of in per_instance for cause in of.values()), default=0.0) / PINLESS_FACTOR
+    share = min((cause.share for of in per_instance for cause in of.values()), default=0.0) / PINS_ONLY_DIVISOR
     common_causes = {}
     for key in per_instance[0]:
         if key in both:
             cause = per_instance[0][key]._replace(share=share)
             common_causes.setdefault((cause.cause, cause.register), cause)
-    return list(common_causes.values())[:MOST_CAUSES]
+    return list(common_causes.values())[:MOST_REPORTED_CAUSES]
 
 
 def _instance_causes(rows, one, names, wires, valid_rows):

@@ -33,7 +33,7 @@ def read_changes(path, paths):
     return out
 
 
-def read_names(path):
+def read_signal_widths(path):
     """[(path, bits or None)] of every signal."""
     import pywellen
 
@@ -43,8 +43,8 @@ def read_names(path):
 def main(path):
     """Print the changes of the signals that the command line names, or all names with their bits if it has none."""
     with inputs.explain_damage(path, "FST file"):
-        content = read_changes(path, sys.argv[2:]) if sys.argv[2:] else read_names(path)
-    json.dump(content, sys.stdout)
+        json_data = read_changes(path, sys.argv[2:]) if sys.argv[2:] else read_signal_widths(path)
+    json.dump(json_data, sys.stdout)
 
 
 if __name__ == "__main__":

@@ -106,7 +106,7 @@ class _Reader:
     def word(self, form="i"):
         return struct.unpack(self.order + form, self.take(struct.calcsize(self.order + form)))[0]
 
-    def unsigned_number(self, bits=7):
+    def read_unsigned(self, bits=7):
         """A number of which each byte below 128, the last one, holds so many bits."""
         value = shift = 0
         while True:
@@ -117,10 +117,10 @@ class _Reader:
                 return value
             self.require(shift < 70, "a number is too long")
 
-    def signed_number(self):
-        start = self.at
-        value = self.unsigned_number()
-        bits = 7 * (self.at - start)
+    def read_signed(self):
+        start_offset = self.at
+        value = self.read_unsigned()
+        bits = 7 * (self.at - start_offset)
         return value - (1 << bits) if value >> (bits - 1) else value
 
     def require(self, ok, what):
@@ -136,15 +136,15 @@ def _strings(r):
     """Strings, number 0 being none: each begins with so many characters of the one before it."""
     r.section("STR")
     count, _ = r.word(), r.word()
-    out, prefix = [None], ""
+    out, shared_prefix = [None], ""
     for _ in range(count):
         text = bytearray()
         while not (r.data[r.at] < 32 or 128 <= r.data[r.at] < 160):
             text.append(r.byte())
-        out.append(prefix + text.decode("latin-1"))
-        length = r.unsigned_number(bits=5)
+        out.append(shared_prefix + text.decode("latin-1"))
+        length = r.read_unsigned(bits=5)
         r.require(length <= len(out[-1]), "a string is longer than its source")
-        prefix = out[-1][:length]
+        shared_prefix = out[-1][:length]
     r.require(r.take(4) == b"EOS\0", "section STR has no end")
     return out
 
@@ -156,7 +156,7 @@ def _range(r):
     if kind in (B2, E8):
         start, stop = r.byte(), r.byte()
     elif kind in (I32, P32, I64, P64):
-        start, stop = r.signed_number(), r.signed_number()
+        start, stop = r.read_signed(), r.read_signed()
     elif kind == F64:
         r.take(16)
         return 0
@@ -175,8 +175,8 @@ def _read_bounds(r, kind):
     return sized_record(tuple((name, _read_bounds(r, part) if _is_open(part) else part) for name, part in kind.fields))
 
 
-def _read_type(r, types):
-    number = r.unsigned_number()
+def _read_type_reference(r, types):
+    number = r.read_unsigned()
     r.require(0 < number < len(types), f"type {number} is not known")
     return types[number]
 
@@ -187,32 +187,30 @@ def _types(r, strings):
     out = [None]
 
     def earlier():
-        return _read_type(r, out)
+        return _read_type_reference(r, out)
 
     for _ in range(r.word()):
         kind = r.byte()
-        name = strings[r.unsigned_number()]
+        name = strings[r.read_unsigned()]
         if kind in (B2, E8):
-            out.append(Scalar(kind, tuple(strings[r.unsigned_number()] for _ in range(r.unsigned_number()))))
+            out.append(Scalar(kind, tuple(strings[r.read_unsigned()] for _ in range(r.read_unsigned()))))
         elif kind in (I32, I64, F64):
             out.append(Scalar(kind))
         elif kind in (P32, P64):
-            for _ in range(r.unsigned_number()):
-                r.unsigned_number(), r.signed_number()
+            for _ in range(r.read_unsigned()):
+                r.read_unsigned(), r.read_signed()
             out.append(Scalar(kind))
         elif kind == SUB_SCALAR:
             out.append(earlier())
             _range(r)
         elif kind == ARRAY:
-            element, dimensions = earlier(), r.unsigned_number()
+            element, dimensions = earlier(), r.read_unsigned()
             r.require(dimensions > 0, f"array {name} has no dimension")
             for _ in range(dimensions):
                 earlier()
             out.append(sized_array(element, dimensions))
         elif kind in (RECORD, OPEN_RECORD):
-            out.append(
-                sized_record(tuple((strings[r.unsigned_number()], earlier()) for _ in range(r.unsigned_number())))
-            )
+            out.append(sized_record(tuple((strings[r.read_unsigned()], earlier()) for _ in range(r.read_unsigned()))))
         elif kind in (SUB_ARRAY, SUB_RECORD):
             base = earlier()
             r.require(not isinstance(base, Scalar), f"type {name} has no elements")
@@ -267,20 +265,20 @@ def _hierarchy(r, strings, types):
             r.require(scopes, "a scope ends that did not begin")
             scopes.pop()
             continue
-        name = strings[r.unsigned_number()]
+        name = strings[r.read_unsigned()]
         if kind == PROCESS:
             continue
         if kind in (BLOCK, IF, INSTANCE, PACKAGE):
             scopes.append(name)
         elif kind == FOR:
-            scalar = _read_type(r, types)
+            scalar = _read_type_reference(r, types)
             r.require(isinstance(scalar, Scalar), "a loop over what is no scalar")
-            scopes.append(f"{name}({_scalar_value(r, scalar.kind)})")
+            scopes.append(f"{name}({_read_scalar(r, scalar.kind)})")
         elif SIGNAL <= kind <= LAST_PORT:
-            signal_type = _read_type(r, types)
+            signal_type = _read_type_reference(r, types)
             r.require(not _is_open(signal_type), f"signal {name} has no bounds")
             r.require(signal_type.count <= len(r.data) - r.at, f"signal {name} has {signal_type.count} elements")
-            numbers = tuple(r.unsigned_number() for _ in range(signal_type.count))
+            numbers = tuple(r.read_unsigned() for _ in range(signal_type.count))
             stored.update(zip(numbers, _scalars(signal_type)))
             path = ".".join([*scopes, name])
             signals.update((leaf, (scalar, part)) for leaf, scalar, part in leaf_signals(path, signal_type, numbers))
@@ -292,11 +290,11 @@ def _hierarchy(r, strings, types):
     return signals, stored
 
 
-def _scalar_value(r, kind):
+def _read_scalar(r, kind):
     if kind in (B2, E8):
         return r.byte()
     if kind in (I32, I64, P32, P64):
-        return r.signed_number()
+        return r.read_signed()
     r.take(8)
     return 0
 
@@ -312,21 +310,21 @@ def _changes(r, stored, watched):
             r.require(not any(r.take(4)), "the head of section SNP is not zero")
             time = r.word("q")
             for number in range(1, len(stored) + 1):
-                value = _scalar_value(r, kinds[number])
-                for group, position in watched.get(number, ()):
-                    yield time, group, position, value
+                value = _read_scalar(r, kinds[number])
+                for group, element_index in watched.get(number, ()):
+                    yield time, group, element_index, value
             r.require(r.take(4) == b"ESN\0", "section SNP has no end")
         elif tag == b"CYC\0":
             time = r.word("q")
             while True:
                 number = 0
-                while step := r.unsigned_number():
+                while step := r.read_unsigned():
                     number += step
                     r.require(number in kinds, f"signal {number} is not in the hierarchy")
-                    value = _scalar_value(r, kinds[number])
-                    for group, position in watched.get(number, ()):
-                        yield time, group, position, value
-                step = r.signed_number()
+                    value = _read_scalar(r, kinds[number])
+                    for group, element_index in watched.get(number, ()):
+                        yield time, group, element_index, value
+                step = r.read_signed()
                 if step < 0:
                     break
                 time += step
@@ -340,26 +338,26 @@ def _changes(r, stored, watched):
 
 def _directory(r, sections):
     """Check the list of sections at the end: it tells whether the file is whole."""
-    directory_start = sections[-1]
+    directory_offset = sections[-1]
     r.take(4)
-    tags_by_offset = {}
+    tag_by_offset = {}
     for _ in range(r.word()):
         tag = r.take(4)
-        tags_by_offset[r.word()] = tag
+        tag_by_offset[r.word()] = tag
     r.require(r.take(4) == b"EOD\0" and r.take(4) == b"TAI\0", "section DIR has no end")
     r.take(4)
-    r.require(r.word() == directory_start and r.at == len(r.data), "the tail does not point at the list of sections")
-    r.require(set(sections) <= set(tags_by_offset), "a section is not in the list of sections")
+    r.require(r.word() == directory_offset and r.at == len(r.data), "the tail does not point at the list of sections")
+    r.require(set(sections) <= set(tag_by_offset), "a section is not in the list of sections")
 
 
-def _columns(r, signals, stored, paths):
+def _columns(r, signals, stored, signal_paths):
     """{path: (times, texts)}: one text per cycle in which the signal changes."""
-    watched, out = {}, {path: ([], []) for path in paths}
-    for path in paths:
-        for position, number in enumerate(signals[path][1]):
-            watched.setdefault(number, []).append((path, position))
+    watched, out = {}, {path: ([], []) for path in signal_paths}
+    for path in signal_paths:
+        for element_index, number in enumerate(signals[path][1]):
+            watched.setdefault(number, []).append((path, element_index))
     before = None
-    for time, path, position, value in _changes(r, stored, watched):
+    for time, path, element_index, value in _changes(r, stored, watched):
         r.require((before is None or time >= before) and abs(time) < MOST_TIME, "time runs backwards, or too far")
         before = time
         scalar = signals[path][0]
@@ -371,7 +369,7 @@ def _columns(r, signals, stored, paths):
             texts.append(list(texts[-1]) if texts else [""] * len(signals[path][1]))
             if len(texts) > 1:
                 texts[-2] = "".join(texts[-2])
-        texts[-1][position] = scalar.text(value)
+        texts[-1][element_index] = scalar.text(value)
     return {path: (times, ["".join(text) for text in texts]) for path, (times, texts) in out.items()}
 
 
@@ -396,17 +394,17 @@ def read(path, choose):
         types = _types(r, strings)
         r.section("WKT")
         while r.byte():
-            r.unsigned_number()
+            r.read_unsigned()
         signals, stored = _hierarchy(r, strings, types)
     except (IndexError, struct.error, ValueError, RecursionError, TypeError) as problem:
         raise _damage_error(path, r, problem) from None
     widths = {name: scalar.width if scalar.width != 1 else len(numbers) for name, (scalar, numbers) in signals.items()}
-    paths = choose(widths)
+    signal_paths = choose(widths)
     try:
-        columns = _columns(r, signals, stored, paths)
+        columns = _columns(r, signals, stored, signal_paths)
     except (IndexError, struct.error, ValueError, TypeError) as problem:
         raise _damage_error(path, r, problem) from None
-    return {name: (*columns[name], widths[name]) for name in paths}
+    return {name: (*columns[name], widths[name]) for name in signal_paths}
 
 
 def _damage_error(path, r, problem):

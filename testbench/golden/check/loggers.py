@@ -25,7 +25,7 @@ def logged_ports(manifest, level="registers"):
     return levels.compared_ports(manifest, level)
 
 
-def _check_names(manifest):
+def _check_manifest_names(manifest):
     names = [manifest["block"]] + [p["name"] for kind in ("inputs", "registers", "outputs") for p in manifest[kind]]
     names += [p["name"] for p in manifest.get("params", [])] + [name for name, _ in rtl_parameters(manifest)]
     for name in names:
@@ -60,7 +60,7 @@ def verilog(manifest, rom=None, level="registers", module=None):
     rom     path of the block's table, if it has one
     module  what is instantiated; gyro_BLOCK if not given
     """
-    _check_names(manifest)
+    _check_manifest_names(manifest)
     inputs, result_ports = manifest["inputs"], logged_ports(manifest, level)
     width, half = sum(p["width"] for p in inputs), _half_ps(manifest)
     values = [f".{name}({value})" for name, value in rtl_parameters(manifest)]
@@ -111,7 +111,7 @@ endmodule
 
 def vhdl(manifest, rom=None, level="registers", module=None):
     """The bench in VHDL-2008."""
-    _check_names(manifest)
+    _check_manifest_names(manifest)
     inputs, result_ports = manifest["inputs"], logged_ports(manifest, level)
     wide, half = sum(p["width"] for p in inputs), _half_ps(manifest)
     outs = list(_slices([p | {"name": name} for name, p in result_ports]))
@@ -178,5 +178,5 @@ def port_of_line(text, number):
     """Port or parameter of the design that a line of a bench connects, or None."""
     lines = text.splitlines()
     line = lines[number - 1] if 0 < number <= len(lines) else ""
-    match = re.fullmatch(r"\.(\w+)\(.*\),?|(?:std_logic_vector\()?(\w+)\)? => .*", line.strip())
-    return (match[1] or match[2]) if match else None
+    connection_match = re.fullmatch(r"\.(\w+)\(.*\),?|(?:std_logic_vector\()?(\w+)\)? => .*", line.strip())
+    return (connection_match[1] or connection_match[2]) if connection_match else None

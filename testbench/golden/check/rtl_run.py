@@ -33,7 +33,7 @@ MOST_OUTPUT_BYTES = 1 << 22  # a design that prints more than this is stopped
 
 
 # What the tools say of ports and parameters: (pattern, our words)
-TOOL_MESSAGES = (
+PORT_MESSAGE_PATTERNS = (
     (r"Port \d+ \((?P<port>\w+)\) of \S+ expects (?P<has>\d+) bits, got (?P<want>\d+)", "width"),
     (r"port connection '(?P<port>\w+)' expects (?P<has>\d+) bits .* generates (?P<want>\d+) bits", "width"),
     (r"port ``(?P<port>\w+)'' is not a port of", "absent"),
@@ -105,7 +105,7 @@ class Runner:
                 raise FileError(f"{Path(command[0]).name}: stopped: the design prints more than {limit_mib} MiB")
 
 
-def _complaints(output, texts, manifest, design):
+def _complaints(tool_output, texts, manifest, design):
     """Our words for what a tool says about ports; sorted out once each, in order. `texts` are {file: text} of ours."""
     widths = {p["name"]: p["width"] for p in manifest["inputs"]}
     widths |= {name: p["width"] for name, p in loggers.logged_ports(manifest)}
@@ -115,14 +115,14 @@ def _complaints(output, texts, manifest, design):
     widths |= design.widths()
     out, spelled = {}, {name.lower(): name for name in widths}
     # only what is said of the bench: a part inside the design may have ports of the same names
-    for line in output.splitlines():
-        location = re.search(r"(?:^|[\s/])((?:log|wrap)\.v(?:hd)?):\d", line)
-        for pattern, kind in TOOL_MESSAGES if location else ():
-            match = re.search(pattern, line)
-            if not match:
+    for line in tool_output.splitlines():
+        location_match = re.search(r"(?:^|[\s/])((?:log|wrap)\.v(?:hd)?):\d", line)
+        for pattern, kind in PORT_MESSAGE_PATTERNS if location_match else ():
+            message_match = re.search(pattern, line)
+            if not message_match:
                 continue
-            words = match.groupdict()
-            port = words.get("port") or loggers.port_of_line(texts.get(location[1], ""), int(words["line"]))
+            words = message_match.groupdict()
+            port = words.get("port") or loggers.port_of_line(texts.get(location_match[1], ""), int(words["line"]))
             port = spelled.get(port, port)  # GHDL says names in lower case
             if port not in widths and kind not in ("extra", "no value", "no module"):
                 continue
@@ -145,9 +145,9 @@ def _complaints(output, texts, manifest, design):
     return [*out.values(), *hint]
 
 
-def first_lines(output):
+def first_lines(tool_output):
     """The lines of a tool's output that tell most: those with an error, else the first."""
-    lines = [line.rstrip() for line in output.splitlines() if line.strip()]
+    lines = [line.rstrip() for line in tool_output.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line.lower()]
     return "\n".join(f"  {line}" for line in (errors or lines)[:LINES]) or "  (it said nothing)"
 
@@ -170,13 +170,13 @@ def _build(sim, run, ours, design):
     steps = [("work", name) for name in ("params_pkg.vhd",) if (run.folder / name).is_file()]
     steps += [(library or design.library, file) for file, library in zip(sources.files, sources.libraries)]
     for library, group in itertools.groupby([*steps, *(("work", name) for name in ours)], lambda step: step[0]):
-        code, output = run("ghdl", "-a", "--std=08", f"--work={library}", *(file for _, file in group))
+        code, tool_output = run("ghdl", "-a", "--std=08", f"--work={library}", *(file for _, file in group))
         if code:
             break
     else:
         code, more = run("ghdl", "-e", "--std=08", loggers.TOP)
-        output += more
-    return ("ghdl", "-r", "--std=08", loggers.TOP), code, output
+        tool_output += more
+    return ("ghdl", "-r", "--std=08", loggers.TOP), code, tool_output
 
 
 def _columns(path, result_ports, what):
@@ -187,7 +187,7 @@ def _columns(path, result_ports, what):
     ports = [p for _, p in result_ports]
     lines = path.read_text("ascii", "replace").splitlines() if path.is_file() else []
     values = np.zeros((len(ports), len(lines)), np.int64)
-    valid = np.zeros((len(ports), len(lines)), bool)
+    valid_words = np.zeros((len(ports), len(lines)), bool)
     masks = [((1 << p["width"]) - 1, Fmt(*p["fmt"])) for p in ports]
     floating = set(range(len(ports)))
     for n, line in enumerate(lines):
@@ -204,10 +204,10 @@ def _columns(path, result_ports, what):
             mask, fmt = masks[k]
             value &= mask
             values[k, n] = value - mask - 1 if fmt.s and value > fmt.hi else value
-            valid[k, n] = True
+            valid_words[k, n] = True
     if lines and floating:
         raise FileError(f"{what}: port {result_ports[min(floating)][0]} {UNDRIVEN}")
-    return {p["name"]: Column(values[k], valid[k]) for k, p in enumerate(ports)}
+    return {p["name"]: Column(values[k], valid_words[k]) for k, p in enumerate(ports)}
 
 
 def log(folder, manifest, rtl, sim=None, timeout_s=TIMEOUT_S):
@@ -250,28 +250,28 @@ def simulate_columns(folder, stim, design, timeout_s=TIMEOUT_S):
         work_folder = Path(work_folder).resolve()
         texts = _write_run_files(folder, stim, design, work_folder)
         run = Runner(work_folder, timeout_s)
-        command, code, output = _build(design.sim, run, list(texts), design)
-        complaints = _complaints(output, texts, design.manifest, design)
+        command, code, tool_output = _build(design.sim, run, list(texts), design)
+        complaints = _complaints(tool_output, texts, design.manifest, design)
         if code or complaints:
             why = "; ".join(complaints)
             raise FileError(
-                f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{first_lines(output)}"
+                f"{last}: {why}" if why else f"{last}: does not build under {design.sim}:\n{first_lines(tool_output)}"
             )
-        code, output = run(*command)
+        code, tool_output = run(*command)
         columns = _columns(work_folder / loggers.ROWS, loggers.logged_ports(design.manifest, design.level), last)
         rows = len(next(iter(columns.values())).values)
         if rows < design.manifest["n"]:
             raise FileError(
-                f"{last}: the simulation ended after {rows} of {design.manifest['n']} rows:\n{first_lines(output)}"
+                f"{last}: the simulation ended after {rows} of {design.manifest['n']} rows:\n{first_lines(tool_output)}"
             )
     return columns
 
 
-def _check_activity(columns, scope, design):
+def _check_port_activity(columns, comparison, design):
     """Refuse a design whose ports rest where the model's move: it is not clocked, or stays in reset."""
-    golden = scope.golden
+    golden = comparison.golden
     names = [p["name"] for p in golden.manifest["registers"] + golden.manifest["outputs"]]
-    moves = [n for n in columns if len(np.unique(golden.exp[scope.care[:, names.index(n)], names.index(n)])) > 1]
+    moves = [n for n in columns if len(np.unique(golden.exp[comparison.care[:, names.index(n)], names.index(n)])) > 1]
     if not moves:
         return
     last = design.sources.files[-1]
@@ -305,12 +305,12 @@ def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None
     if golden.manifest["block"] == "top":
         raise FileError(f"{folder}: top is run by top_run")
     design = design_run.select_design(golden.manifest, rtl, choice or design_run.Choice(sim))
-    scope = comparison_scope.build_scope(golden, design.level, design.style, design.clocks)
-    design = design._replace(manifest=scope.golden.manifest)
-    columns = simulate_columns(folder, scope.golden.stim, design, timeout_s)
-    _check_activity(columns, scope, design)
+    comparison = comparison_scope.build_scope(golden, design.level, design.style, design.clocks)
+    design = design._replace(manifest=comparison.golden.manifest)
+    columns = simulate_columns(folder, comparison.golden.stim, design, timeout_s)
+    _check_port_activity(columns, comparison, design)
     aligned_columns = {
-        p["name"]: comparison_scope.align_column(scope, columns[p["name"]], name)
+        p["name"]: comparison_scope.remove_latency(comparison, columns[p["name"]], name)
         for name, p in loggers.logged_ports(design.manifest, design.level)
     }
-    return compare_bundle(scope.golden, aligned_columns, before, scope)
+    return compare_bundle(comparison.golden, aligned_columns, before, comparison)

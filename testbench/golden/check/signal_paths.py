@@ -11,7 +11,7 @@ from testbench.errors import FileError
 SLICE = re.compile(r"^(.*?)\s*\[(\d{1,6})(?::(\d{1,6}))?\]$")
 
 
-def _plain_path(name):
+def _normalised_path(name):
     """A path without what only some tools write: the backslash of an escaped name, a dot before an index."""
     return re.sub(r"(^|\.)\\", r"\1", name).replace(".[", "[")
 
@@ -20,7 +20,7 @@ def index_signals(pairs):
     """{path: signal} of (path, signal); None where two signals have one path."""
     signal_index = {}
     for name, signal in pairs:
-        name = _plain_path(name)
+        name = _normalised_path(name)
         signal_index[name] = signal if signal_index.get(name, signal) == signal else None
     return signal_index
 
@@ -30,11 +30,11 @@ def find_signal(path, signal_index, where):
 
     Verilator puts everything below TOP, and GHDL leaves the top out of an FST: both may be missing in the map.
     """
-    spelled = _plain_path(path)
-    head, _, shorter_path = spelled.partition(".")
+    spelled = _normalised_path(path)
+    head, _, stripped_path = spelled.partition(".")
     ways = [spelled, f"TOP.{spelled}"]
-    if shorter_path and not any(name.startswith(f"{head}.") for name in signal_index):
-        ways.append(shorter_path)
+    if stripped_path and not any(name.startswith(f"{head}.") for name in signal_index):
+        ways.append(stripped_path)
     for way in ways:
         slice_match = SLICE.match(way)
         if way in signal_index:
@@ -50,7 +50,7 @@ def find_signal(path, signal_index, where):
             raise FileError(f"{where}: signal {path} is there more than once")
         return name, hi, lo
     tail = spelled.rsplit(".", 1)[-1].split("[")[0]
-    alternatives = sorted(name for name in signal_index if name.rsplit(".", 1)[-1] == tail)[:4]
-    alternatives = alternatives or difflib.get_close_matches(spelled, signal_index, n=2)
-    hint = f"; there is {', '.join(alternatives)}" if alternatives else ""
+    similar_paths = sorted(name for name in signal_index if name.rsplit(".", 1)[-1] == tail)[:4]
+    similar_paths = similar_paths or difflib.get_close_matches(spelled, signal_index, n=2)
+    hint = f"; there is {', '.join(similar_paths)}" if similar_paths else ""
     raise FileError(f"{where}: no signal {path}{hint}")

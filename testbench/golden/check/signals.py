@@ -35,14 +35,14 @@ def signals(path):
     """[`Signal`] of a VCD, FST or GHW dump, or the columns of a CSV; FileError as the readers."""
     kind, dump_signals = dump_type(path), []
 
-    def choose(header):
-        pairs = header.items() if isinstance(header, dict) else header
+    def choose(header_signals):
+        pairs = header_signals.items() if isinstance(header_signals, dict) else header_signals
         dump_signals.extend(Signal(name, one[1] if isinstance(one, tuple) else one) for name, one in pairs)
         raise _HeaderRead
 
     if kind == ".fst":
-        output = sandboxed_read.read_in_subprocess("testbench.golden.check.fst_log", path, "FST file")
-        return [Signal(*one) for one in parse_json(output, path, list[tuple[str, int | None]])]
+        reader_output = sandboxed_read.read_in_subprocess("testbench.golden.check.fst_log", path, "FST file")
+        return [Signal(*one) for one in parse_json(reader_output, path, list[tuple[str, int | None]])]
     if kind == ".csv":
         first = next(inputs.read_lines(path), (1, ""))[1]
         return [Signal(name.strip(), None) for name in first.split(",") if name.strip()]
@@ -66,11 +66,11 @@ def suggest_signals(ports, dump_signals):
             if signal.width in (width, None):
                 ratio = difflib.SequenceMatcher(None, name.lower(), _bare_name(signal.path)).ratio()
                 pairs.append((-ratio, len(signal.path), name, signal.path))
-    suggestions = {}
+    path_by_port = {}
     for ratio, _, name, path in sorted(pairs):
-        if -ratio >= ALIKE and name not in suggestions and path not in suggestions.values():
-            suggestions[name] = path
-    return suggestions
+        if -ratio >= ALIKE and name not in path_by_port and path not in path_by_port.values():
+            path_by_port[name] = path
+    return path_by_port
 
 
 def is_ours(path):
@@ -96,10 +96,10 @@ def skeleton(dump_signals, manifest=None, ours=False):
         lines += [f'# port = "{s.path}"' for s in dump_signals if s.path not in (clock, reset)]
         return "\n".join(lines) + "\n"
     ports = [(p["name"], p["width"]) for _, p in levels.compared_ports(manifest, "registers")]
-    candidates = [s for s in dump_signals if s.path not in (clock, reset)]
-    suggestions = suggest_signals(ports, candidates)
+    candidate_signals = [s for s in dump_signals if s.path not in (clock, reset)]
+    path_by_port = suggest_signals(ports, candidate_signals)
     for name, width in ports:
-        lines.append(f'{name} = "{suggestions[name]}"' if name in suggestions else f'# {name} = ""  # {width} bits')
+        lines.append(f'{name} = "{path_by_port[name]}"' if name in path_by_port else f'# {name} = ""  # {width} bits')
     return "\n".join(lines) + "\n"
 
 

@@ -61,9 +61,9 @@ def _write_file_list(sources, work_folder):
 
 def _run_check_script(run, bench, sim, rtl, files, level, frames=()):
     """What check.sh says of a design; FileError if nothing was compared."""
-    settings = [f"RTL={Path(rtl).resolve()}", f"LEVEL={level}", f"TIMEOUT={run.timeout_s:g}", *frames]
-    settings += [f"FILES={Path(files).resolve()}"] if files else []
-    code, text = run("env", *settings, "sh", bench / "check.sh", sim)
+    environment_settings = [f"RTL={Path(rtl).resolve()}", f"LEVEL={level}", f"TIMEOUT={run.timeout_s:g}", *frames]
+    environment_settings += [f"FILES={Path(files).resolve()}"] if files else []
+    code, text = run("env", *environment_settings, "sh", bench / "check.sh", sim)
     if code == 0 or (code == 1 and ("rows differ" in text or "frames differ" in text)):
         return text
     if "stopped after" in text:
@@ -71,7 +71,7 @@ def _run_check_script(run, bench, sim, rtl, files, level, frames=()):
     raise FileError(f"{rtl}: nothing was compared under {sim}:\n{first_lines(text)}")
 
 
-def _port_value(word, port):
+def _parse_port_value(word, port):
     """Number of a hexadecimal word of a port; None: unknown."""
     try:
         raw = int(word, 16)
@@ -86,14 +86,14 @@ def prefixed_manifest(manifest):
     return {**manifest, "registers": registers, "schema": compare.SCHEMA}
 
 
-def _logged_columns(golden, text):
+def _reported_columns(golden, text):
     """{port: Column} of a design: golden values, and in their place those that its bench names."""
     manifest, first = golden.manifest, int(golden.at[0])
     ports = {p["name"]: p for p in manifest["inputs"]} | dict(levels.compared_ports(manifest, "registers"))
     columns = [Column(c.copy(), np.ones(len(c), bool)) for c in np.column_stack([golden.stim, golden.exp]).T]
     columns_by_port = dict(zip(ports, columns, strict=True))
     for clock, name, _, got in ROW.findall(text):
-        value = _port_value(got, ports[name])
+        value = _parse_port_value(got, ports[name])
         column, row = columns_by_port[name], int(clock) - first
         column.values[row], column.valid[row] = value or 0, value is not None
     manifest = prefixed_manifest(manifest)
@@ -125,13 +125,13 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
         files = choice.files or (_write_file_list(design.sources, work_folder) if _has_custom_names(choice) else None)
         text = _run_check_script(run, bench, sim, rtl, files, level)
         differs = "FAIL " in text
-        report = _compare_window(text, run, bench, sim, rtl, files, level, manifest) if differs else None
+        window_report = _compare_window(text, run, bench, sim, rtl, files, level, manifest) if differs else None
     count = int(re.search(r"(?:of|all) (\d+) rows", text)[1] if differs else PASSED.search(text)[2])
     ports = tuple(p["name"] for k in ("registers", "outputs") for p in prefixed_manifest(manifest)[k])
     delays = {f"o_{name}": k for name, k in manifest.get("clocks", {}).items()}
-    if report is None:
+    if window_report is None:
         return Report("top", manifest["case"], count, manifest["n"], ports, (), level, count, delays, {}, None, ())
-    return report._replace(
+    return window_report._replace(
         level=level, rows=count, golden_rows=manifest["n"], judged_rows=count, ports=ports, clocks=delays
     )
 
@@ -145,7 +145,7 @@ def _compare_window(text, run, bench, sim, rtl, files, level, manifest):
     begin, end = max(min(frames) - FRAMES_BEFORE, 0), min(min(frames) + FRAMES_AFTER + 1, manifest["frames"])
     clock_window = recording.Window(begin * clocks, (end - begin) * clocks, "differs")
     r, window = (
-        design_bundle.first_frames(design_bundle.read_recording(bench, manifest), end, (clock_window,)),
+        design_bundle.shorten_recording(design_bundle.read_bundle_recording(bench, manifest), end, (clock_window,)),
         run.folder / "window",
     )
     at = np.arange(clock_window.first, clock_window.first + clock_window.count)
@@ -155,13 +155,13 @@ def _compare_window(text, run, bench, sim, rtl, files, level, manifest):
         r, window, at, "design" in manifest, design_bundle.bundle_level(manifest), clock_window.count, more, clocks
     )
     golden = bundle.read(window)
-    got = _logged_columns(golden, _run_check_script(run, window, sim, rtl, files, level, ("FRAMES=0",)))
+    got = _reported_columns(golden, _run_check_script(run, window, sim, rtl, files, level, ("FRAMES=0",)))
     window_manifest, exp = golden.manifest, golden.exp
     if not window_manifest["registers"] and not clocks:
         # a diagnosis of the pins needs the registers of the model
         rows = replay_recording.run(r.params, r.stimulus, r.frames, at, registers=False)
         block, exp = (
-            design_bundle.make_block({r.name: r.params}, r.params.design),
+            design_bundle.build_top_block({r.name: r.params}, r.params.design),
             np.column_stack([rows.registers, exp]),
         )
         window_manifest = window_manifest | {"registers": [bundle.port(p) for p in block.registers]}

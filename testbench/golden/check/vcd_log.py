@@ -44,11 +44,11 @@ def _texts(path, file):
 
 def _section(path, token, words):
     """Words of a section up to its $end."""
-    fields = []
+    section_words = []
     for word in words:
         if word == "$end":
-            return fields
-        fields.append(word)
+            return section_words
+        section_words.append(word)
     raise FileError(f"{path}: header: section {token} has no $end")
 
 
@@ -64,25 +64,25 @@ def _parse_variable(words):
 
 def _header(path, words):
     """[(path of a signal, (identifier, width, kind))]."""
-    scopes, signals, size = [], [], 0
+    scopes, header_signals, size = [], [], 0
     for token in words:
         if not token.startswith("$"):
             raise FileError(f"{path}: is not a VCD file: no $enddefinitions before {token[:40]!r}")
-        fields = _section(path, token, words)
-        size += sum(map(len, fields)) + len(token)
+        section_words = _section(path, token, words)
+        size += sum(map(len, section_words)) + len(token)
         if size > MOST_HEADER:
             raise FileError(f"{path}: the header is longer than {MOST_HEADER} characters")
         if token == "$enddefinitions":
-            return signals
-        if token == "$scope" and len(fields) == 2:
-            scopes.append(fields[1])
+            return header_signals
+        if token == "$scope" and len(section_words) == 2:
+            scopes.append(section_words[1])
         elif token == "$upscope" and scopes:
             scopes.pop()
-        elif token == "$var" and len(fields) >= 4 and re.fullmatch(r"\d{1,9}", fields[1]):
-            name, *attributes = _parse_variable(fields)
-            signals.append((".".join([*scopes, name]), tuple(attributes)))
+        elif token == "$var" and len(section_words) >= 4 and re.fullmatch(r"\d{1,9}", section_words[1]):
+            name, *variable_attributes = _parse_variable(section_words)
+            header_signals.append((".".join([*scopes, name]), tuple(variable_attributes)))
         elif token in ("$scope", "$upscope", "$var"):
-            raise FileError(f"{path}: header: broken {token} {' '.join(fields)[:40]}")
+            raise FileError(f"{path}: header: broken {token} {' '.join(section_words)[:40]}")
     raise FileError(f"{path}: is not a VCD file: no $enddefinitions")
 
 
@@ -103,7 +103,7 @@ def _later(path, word, time):
     return int(word[1:])
 
 
-def _changes(path, words, changes):
+def _changes(path, words, changes_by_identifier):
     time = 0
     for word in words:
         first = word[0]
@@ -115,17 +115,17 @@ def _changes(path, words, changes):
                 raise FileError(f"{path}: the file ends inside a value")
             if len(word) < 2:
                 raise FileError(f"{path}: {word} {name[:40]} at #{time} is a value without bits")
-            if name in changes and first in "bB":
-                changes[name][0].append(time)
-                changes[name][1].append(word[1:])
+            if name in changes_by_identifier and first in "bB":
+                changes_by_identifier[name][0].append(time)
+                changes_by_identifier[name][1].append(word[1:])
         elif first in VALUES:
-            if word[1:] in changes:
-                changes[word[1:]][0].append(time)
-                changes[word[1:]][1].append(first)
+            if word[1:] in changes_by_identifier:
+                changes_by_identifier[word[1:]][0].append(time)
+                changes_by_identifier[word[1:]][1].append(first)
         elif word == "$comment":
             for other in words:
                 if other == "$end":
                     break
         elif first != "$":
             raise FileError(f"{path}: {word[:40]!r} at #{time} is not a VCD value")
-    return changes
+    return changes_by_identifier

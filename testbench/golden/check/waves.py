@@ -96,21 +96,21 @@ def read_map(path):
 
 def _vcd(path, paths):
     """Changes of the wanted signals of a VCD file, and the slices."""
-    identifiers, slices = {}, {}
+    identifier_by_path, slice_by_path = {}, {}
 
-    def choose(signals):
-        signals = index_signals(signals)
+    def choose(header_signals):
+        header_signals = index_signals(header_signals)
         for signal_path in paths:
-            signal, hi, lo = find_signal(signal_path, signals, path)
-            identifier, width, kind = signals[signal]
+            signal, hi, lo = find_signal(signal_path, header_signals, path)
+            identifier, width, kind = header_signals[signal]
             if kind in ("real", "realtime", "string", "event"):
                 raise FileError(f"{path}: signal {signal} is a {kind}, not bits")
-            identifiers[signal_path] = identifier
-            slices[signal_path] = (width, hi, lo)
-        return identifiers.values()
+            identifier_by_path[signal_path] = identifier
+            slice_by_path[signal_path] = (width, hi, lo)
+        return identifier_by_path.values()
 
     changes = vcd_log.read(path, choose)
-    return {name: (*changes[identifier], *slices[name]) for name, identifier in identifiers.items()}
+    return {name: (*changes[identifier], *slice_by_path[name]) for name, identifier in identifier_by_path.items()}
 
 
 def _fst(path, paths):
@@ -120,25 +120,25 @@ def _fst(path, paths):
     except ImportError:
         raise FileError(f"{path}: FST needs pywellen: pip install pywellen, or dump VCD") from None
     with inputs.open_input(path):
-        output = sandboxed_read.read_in_subprocess("testbench.golden.check.fst_log", path, "FST file", *paths)
-    return parse_json(output, path, dict[str, tuple[list[int], list[str], int, int | None, int | None]])
+        reader_output = sandboxed_read.read_in_subprocess("testbench.golden.check.fst_log", path, "FST file", *paths)
+    return parse_json(reader_output, path, dict[str, tuple[list[int], list[str], int, int | None, int | None]])
 
 
 def _ghw(path, paths):
     """As `_vcd`, for GHW."""
-    slices = {}
+    slice_by_path = {}
 
-    def choose(widths):
-        signal_index = index_signals((name, name) for name in widths)
+    def choose(width_by_signal):
+        signal_index = index_signals((name, name) for name in width_by_signal)
         for signal_path in paths:
             signal, hi, lo = find_signal(signal_path, signal_index, path)
-            slices[signal_path] = signal_index[signal], hi, lo
-            if not widths[signal_index[signal]] or widths[signal_index[signal]] > MOST_WIDTH:
+            slice_by_path[signal_path] = signal_index[signal], hi, lo
+            if not width_by_signal[signal_index[signal]] or width_by_signal[signal_index[signal]] > MOST_WIDTH:
                 raise FileError(f"{path}: signal {signal} is not bits, or more than {MOST_WIDTH}")
-        return list(dict.fromkeys(signal for signal, _, _ in slices.values()))
+        return list(dict.fromkeys(signal for signal, _, _ in slice_by_path.values()))
 
     columns = ghw.read(path, choose)
-    return {signal_path: (*columns[signal], hi, lo) for signal_path, (signal, hi, lo) in slices.items()}
+    return {signal_path: (*columns[signal], hi, lo) for signal_path, (signal, hi, lo) in slice_by_path.items()}
 
 
 READERS = {".vcd": _vcd, ".fst": _fst, ".ghw": _ghw, ".csv": None}
@@ -165,23 +165,23 @@ def _sample_column(change, at, port, fmt, where):
         raise FileError(f"{where}: port {port}: a signal of {width} bits, above the limit {MOST_WIDTH}")
     if hi is not None and hi >= width:
         raise FileError(f"{where}: port {port}: bit {hi} of a signal of {width} bits")
-    bit_count = width if hi is None else hi - lo + 1
-    if bit_count != fmt.width:
-        raise FileError(f"{where}: port {port}: {bit_count} bits in the dump, {fmt.width} in the manifest")
+    selected_bit_count = width if hi is None else hi - lo + 1
+    if selected_bit_count != fmt.width:
+        raise FileError(f"{where}: port {port}: {selected_bit_count} bits in the dump, {fmt.width} in the manifest")
     decoded = np.zeros(len(texts) + 1, np.int64)
-    valid = np.zeros(len(texts) + 1, bool)
+    valid_texts = np.zeros(len(texts) + 1, bool)
     for k, text in enumerate(texts):
         text = _extend_bits(text, width)
         if hi is not None:
             text = text[width - 1 - hi : width - lo]
         value = _parse_bits(text, fmt.s)
         if value is not None:
-            decoded[k + 1], valid[k + 1] = value, True
-    change_index = np.searchsorted(np.asarray(times, np.int64), at, "left")
-    return Column(decoded[change_index], valid[change_index])
+            decoded[k + 1], valid_texts[k + 1] = value, True
+    change_indices = np.searchsorted(np.asarray(times, np.int64), at, "left")
+    return Column(decoded[change_indices], valid_texts[change_indices])
 
 
-def _active_edges(change, rising, where):
+def _active_edge_times(change, rising, where):
     """Times of the active edges: from a known level to the other."""
     times, texts, width, _, _ = change
     if width != 1:
@@ -202,14 +202,14 @@ def _active_edges(change, rising, where):
     return np.array(edge_times, np.int64)
 
 
-def _from_dump(path, reader, signals, fmts):
-    if not signals.clock:
+def _from_dump(path, reader, signal_map, fmts):
+    if not signal_map.clock:
         raise FileError(f"{path}: the map has no clock.signal")
-    signal_paths = [signals.clock, *signals.ports.values()] + ([signals.reset[0]] if signals.reset else [])
+    signal_paths = [signal_map.clock, *signal_map.ports.values()] + ([signal_map.reset[0]] if signal_map.reset else [])
     changes = reader(path, list(dict.fromkeys(signal_paths)))
-    at = _active_edges(changes[signals.clock], signals.rising, path)
-    if signals.reset:
-        name, active = signals.reset
+    at = _active_edge_times(changes[signal_map.clock], signal_map.rising, path)
+    if signal_map.reset:
+        name, active = signal_map.reset
         levels = _sample_column(changes[name], at, "reset", bits(1), path)
         asserted = np.flatnonzero(levels.valid & (levels.values == active))
         free = np.flatnonzero(levels.valid & (levels.values != active))
@@ -217,33 +217,33 @@ def _from_dump(path, reader, signals, fmts):
         if not len(free):
             raise FileError(f"{path}: reset {name} is never active and then released at a clock edge")
         at = at[free[0] :]
-    at = at[signals.first_edge :]
+    at = at[signal_map.first_edge :]
     if not len(at):
-        raise FileError(f"{path}: first_edge {signals.first_edge} is behind the last clock edge")
-    return {port: _sample_column(changes[name], at, port, fmts[port], path) for port, name in signals.ports.items()}
+        raise FileError(f"{path}: first_edge {signal_map.first_edge} is behind the last clock edge")
+    return {port: _sample_column(changes[name], at, port, fmts[port], path) for port, name in signal_map.ports.items()}
 
 
 # CSV ------------------------------------------------------------------------------------------------------------------
 
 
-def _from_csv(path, signals, fmts):
+def _from_csv(path, signal_map, fmts):
     with inputs.explain_damage(path, "CSV file"):
         rows = list(csv.reader(line for _, line in inputs.read_lines(path)))
     if len(rows) < 2:
         raise FileError(f"{path}: a header and at least one row are needed")
     header = [name.strip() for name in rows[0]]
-    rows = rows[1 + signals.first_edge :]
+    rows = rows[1 + signal_map.first_edge :]
     if len(set(header)) != len(header):
         raise FileError(f"{path}: two columns have the same name")
     for n, row in enumerate(rows):
         if len(row) != len(header):
             raise FileError(f"{path}: row {n}: {len(row)} cells, the header has {len(header)}")
     out = {}
-    for port, name in signals.ports.items():
+    for port, name in signal_map.ports.items():
         if name not in header:
             raise FileError(f"{path}: no column {name}; there is {', '.join(header[:8])}")
         k, fmt = header.index(name), fmts[port]
-        values, valid = np.zeros(len(rows), np.int64), np.zeros(len(rows), bool)
+        values, valid_cells = np.zeros(len(rows), np.int64), np.zeros(len(rows), bool)
         for n, row in enumerate(rows):
             cell = row[k].strip()
             if not cell or set(cell.lower()) <= set("xzuw"):
@@ -257,8 +257,8 @@ def _from_csv(path, signals, fmts):
                 value -= 1 << fmt.width
             if not fmt.holds(value):
                 raise FileError(f"{path}: row {n}, {name}: {cell} does not fit {fmt.width} bits {fmt}")
-            values[n], valid[n] = value, True
-        out[port] = Column(values, valid)
+            values[n], valid_cells[n] = value, True
+        out[port] = Column(values, valid_cells)
     return out
 
 
@@ -273,19 +273,19 @@ def dump_type(path):
     return kind
 
 
-def read_log(path, signals, fmts):
+def read_log(path, signal_map, fmts):
     """Columns of the mapped ports of a .vcd, .fst, .ghw or .csv file.
 
-    signals  a `Map`
+    signal_map  a `Map`
     fmts     {port: Fmt} of the manifest (`compare.formats`)
     """
-    strange = sorted(set(signals.ports) - set(fmts))
+    strange = sorted(set(signal_map.ports) - set(fmts))
     if strange:
         raise FileError(f"map: port {strange[0]} is not in the manifest; there is {', '.join(list(fmts)[:12])}")
     kind = dump_type(path)
     if kind == ".csv":
-        return _from_csv(path, signals, fmts)
-    return _from_dump(path, READERS[kind], signals, fmts)
+        return _from_csv(path, signal_map, fmts)
+    return _from_dump(path, READERS[kind], signal_map, fmts)
 
 
 def check(folder, log, map_path, before=BEFORE):

@@ -46,27 +46,27 @@ def toggle_goals(ports):
 def reached_toggle_goals(ports, rows):
     """The toggle goals that rows meet."""
     reached_goals = set()
-    for port_toggles in toggles(ports, rows):
-        for way, mask in (("rise", port_toggles.rose), ("fall", port_toggles.fell)):
+    for port_toggle in toggles(ports, rows):
+        for way, mask in (("rise", port_toggle.rose), ("fall", port_toggle.fell)):
             reached_goals |= {
-                ("toggle", port_toggles.name, f"{way} {k}") for k in range(port_toggles.width) if mask >> k & 1
+                ("toggle", port_toggle.name, f"{way} {k}") for k in range(port_toggle.width) if mask >> k & 1
             }
     return reached_goals
 
 
 def side_by_side(regs, pins):
-    """Registers and pins in one array, in the order of `named`."""
+    """Registers and pins in one array, in the order of `goal_ports`."""
     return np.column_stack([regs, pins])
 
 
-def goal_name(block):
+def goal_ports(block):
     """Registers and pins, the pins with the prefix of their port."""
     return (*block.registers, *(port._replace(name=f"o_{port.name}") for port in block.pins))
 
 
 def goals(block, case):
     """Every goal (kind, place, outcome) of a case, whether it can be met or not, in a fixed order."""
-    return toggle_goals(goal_name(block)) + probes.build_probed_step(block, case).goals()
+    return toggle_goals(goal_ports(block)) + probes.build_probed_step(block, case).goals()
 
 
 def find_reached_goals(block, case, rows, results=None):
@@ -75,4 +75,4 @@ def find_reached_goals(block, case, rows, results=None):
         results = side_by_side(*blocks.run(block, case, rows))
     probed = probes.build_probed_step(block, case)
     probes.follow(block, case, probed, np.asarray(rows).tolist())
-    return reached_toggle_goals(goal_name(block), results) | probed.reached_goals()
+    return reached_toggle_goals(goal_ports(block), results) | probed.reached_goals()

@@ -19,7 +19,7 @@ def summary(block, case, rows, results):
     """The entry of one case; `results` are registers and pins of the model for these rows."""
     met, dead = coverage.find_reached_goals(block, case, rows, results), unreachable.reasons(block, case)
     missing = corners.load_corners(block.stem)["missing"]
-    toggles = {port.name: [0, 0] for port in coverage.goal_name(block)}
+    toggles = {port.name: [0, 0] for port in coverage.goal_ports(block)}
     outcomes = {kind: [0, 0] for kind in KINDS}
     not_met = {}
     for goal in coverage.goals(block, case):

@@ -24,8 +24,8 @@ from fpga_model import block as registry
 from fpga_model import fixed
 from testbench.golden.stimulus import blocks
 
-ORDER = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
-EQUALITY = {ast.Eq: "==", ast.NotEq: "!="}
+ORDER_SYMBOLS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+EQUALITY_SYMBOLS = {ast.Eq: "==", ast.NotEq: "!="}
 ROUNDED = ("zero", "one", "half-1", "half+1", "ones", "tie+even", "tie+odd", "tie-even", "tie-odd")
 CLAMPED = ("lo-1", "lo", "lo+1", "hi-1", "hi", "hi+1")
 WRAPPED = ("under", "lo", "hi", "over")
@@ -65,71 +65,71 @@ class Site(NamedTuple):
 # Each factory returns the function that stands in the place, writing outcomes into `seen` -----------------------------
 
 
-def _probe_branch(outcomes):
+def _make_branch_probe(reached_outcomes):
     def observe_branch(value):
-        outcomes.add("yes" if value else "no")
+        reached_outcomes.add("yes" if value else "no")
         return value
 
     return observe_branch
 
 
-def _probe_comparison(symbol, outcomes):
+def _make_comparison_probe(symbol, reached_outcomes):
     test = eval(f"lambda a, b: a {symbol} b")
-    is_ordering = symbol in ORDER.values()
+    is_ordering = symbol in ORDER_SYMBOLS.values()
 
     def observe_comparison(a, b):
         is_true = test(a, b)
-        outcomes.add("yes" if is_true else "no")
+        reached_outcomes.add("yes" if is_true else "no")
         if is_ordering and -2 < a - b < 2:
-            outcomes.add(("-1", "0", "+1")[a - b + 1])
+            reached_outcomes.add(("-1", "0", "+1")[a - b + 1])
         return is_true
 
     return observe_comparison
 
 
-def _probe_rounding(outcomes):
+def _make_rounding_probe(reached_outcomes):
     def observe_rounding(x, n):
         if n > 0:
             low, half = x & ((1 << n) - 1), 1 << (n - 1)
             if low == half:
-                outcomes.add(f"tie{'-' if x < 0 else '+'}{'odd' if (x >> n) & 1 else 'even'}")
+                reached_outcomes.add(f"tie{'-' if x < 0 else '+'}{'odd' if (x >> n) & 1 else 'even'}")
             elif low < 2:
-                outcomes.add("one" if low else "zero")
+                reached_outcomes.add("one" if low else "zero")
             if low == half - 1:
-                outcomes.add("half-1")
+                reached_outcomes.add("half-1")
             elif low == half + 1:
-                outcomes.add("half+1")
+                reached_outcomes.add("half+1")
             if low == (1 << n) - 1:
-                outcomes.add("ones")
+                reached_outcomes.add("ones")
         return (x + ((1 << n) >> 1)) >> n
 
     return observe_rounding
 
 
-def _probe_truncation(outcomes):
+def _make_truncation_probe(reached_outcomes):
     def observe_truncation(x, n):
         low = x & ((1 << n) - 1)
         if low == 0:
-            outcomes.add("zero")
+            reached_outcomes.add("zero")
         if low == (1 << n) - 1:
-            outcomes.add("ones")
+            reached_outcomes.add("ones")
         return x >> n
 
     return observe_truncation
 
 
-def _probe_clamp(outcomes):
+def _make_clamp_probe(reached_outcomes):
     def observe_clamp(x, lo, hi):
         if -2 < x - lo < 2:
-            outcomes.add(("lo-1", "lo", "lo+1")[x - lo + 1])
+            reached_outcomes.add(("lo-1", "lo", "lo+1")[x - lo + 1])
         if -2 < x - hi < 2:
-            outcomes.add(("hi-1", "hi", "hi+1")[x - hi + 1])
+            reached_outcomes.add(("hi-1", "hi", "hi+1")[x - hi + 1])
         return lo if x < lo else (hi if x > hi else x)
 
     return observe_clamp
 
 
-def _probe_wrap(outcomes, signed):
+def _make_wrap_probe(reached_outcomes, signed):
     def lowest(width):
         return -(1 << (width - 1)) if signed else 0
 
@@ -137,9 +137,9 @@ def _probe_wrap(outcomes, signed):
         lo = lowest(width)
         hi = lo + (1 << width) - 1
         if x == lo or x == hi:
-            outcomes.add("lo" if x == lo else "hi")
+            reached_outcomes.add("lo" if x == lo else "hi")
         elif x == lo - 1 or x == hi + 1:
-            outcomes.add("under" if x < lo else "over")
+            reached_outcomes.add("under" if x < lo else "over")
         return ((x - lo) & ((1 << width) - 1)) + lo
 
     observe_wrap.lowest = lowest
@@ -168,12 +168,12 @@ def _distance(kind, outcome, args):
     return None
 
 
-PROBED_FUNCTIONS = {
-    "half_up": ("round", ROUNDED, _probe_rounding),
-    "floor": ("cut", ("zero", "ones"), _probe_truncation),
-    "clamp": ("clamp", CLAMPED, _probe_clamp),
-    "wrap": ("wrap", WRAPPED, lambda seen: _probe_wrap(seen, True)),
-    "wrap_unsigned": ("wrap", WRAPPED, lambda seen: _probe_wrap(seen, False)),
+PROBE_BY_FUNCTION = {
+    "half_up": ("round", ROUNDED, _make_rounding_probe),
+    "floor": ("cut", ("zero", "ones"), _make_truncation_probe),
+    "clamp": ("clamp", CLAMPED, _make_clamp_probe),
+    "wrap": ("wrap", WRAPPED, lambda seen: _make_wrap_probe(seen, True)),
+    "wrap_unsigned": ("wrap", WRAPPED, lambda seen: _make_wrap_probe(seen, False)),
 }
 
 
@@ -212,7 +212,7 @@ class _Transformer(ast.NodeTransformer):
             isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
         ):
             return self.visit(node)
-        note = self.add_probe("branch", node, ("yes", "no"), _probe_branch)
+        note = self.add_probe("branch", node, ("yes", "no"), _make_branch_probe)
         return ast.Call(note, [self.visit(node)], [])
 
     def visit_If(self, node):
@@ -241,16 +241,16 @@ class _Transformer(ast.NodeTransformer):
 
     def visit_Compare(self, node):
         kind = type(node.ops[0])
-        possible = ("yes", "no", "-1", "0", "+1") if kind in ORDER else ("yes", "no")
-        symbol = {**ORDER, **EQUALITY}[kind]
-        note = self.add_probe("compare", node, possible, lambda seen: _probe_comparison(symbol, seen))
+        possible = ("yes", "no", "-1", "0", "+1") if kind in ORDER_SYMBOLS else ("yes", "no")
+        symbol = {**ORDER_SYMBOLS, **EQUALITY_SYMBOLS}[kind]
+        note = self.add_probe("compare", node, possible, lambda seen: _make_comparison_probe(symbol, seen))
         (right,) = node.comparators
         return ast.Call(note, [self.visit(node.left), self.visit(right)], [])
 
     def visit_BinOp(self, node):
         if not isinstance(node.op, ast.RShift):
             return self.generic_visit(node)
-        note = self.add_probe("cut", node, ("zero", "ones"), _probe_truncation)
+        note = self.add_probe("cut", node, ("zero", "ones"), _make_truncation_probe)
         return ast.Call(note, [self.visit(node.left), self.visit(node.right)], [])
 
     def visit_Call(self, node):
@@ -258,8 +258,8 @@ class _Transformer(ast.NodeTransformer):
         arguments = [self.visit(x) for x in node.args]
         keywords = [ast.keyword(k.arg, self.visit(k.value)) for k in node.keywords]
         plain = _unwrap_kernel(target)
-        if plain.__module__ == fixed.__name__ and plain.__name__ in PROBED_FUNCTIONS:
-            kind, possible, factory = PROBED_FUNCTIONS[plain.__name__]
+        if plain.__module__ == fixed.__name__ and plain.__name__ in PROBE_BY_FUNCTION:
+            kind, possible, factory = PROBE_BY_FUNCTION[plain.__name__]
             return ast.Call(self.add_probe(kind, node, possible, factory), arguments, keywords)
         if inspect.isfunction(plain) and plain.__module__.startswith("fpga_model."):
             nodes = dict(zip(inspect.signature(plain).parameters, node.args)) | {k.arg: k.value for k in node.keywords}
@@ -287,14 +287,14 @@ class Probed:
         self.sites[site.name] = site
         self.shared[key] = note = factory(site.reached_outcomes)
         if self.watched and self.watched[:2] == (kind, site.name):
-            self.shared[key] = self.track_distance(kind, note, self.watched[2])
+            self.shared[key] = self.make_distance_tracker(kind, note, self.watched[2])
         return key
 
-    def track_distance(self, kind, note, outcome):
+    def make_distance_tracker(self, kind, note, outcome):
         """A note that keeps the least distance of its operands from the watched outcome as well."""
 
         def with_distance(*args):
-            operation_result = note(*args)
+            probe_result = note(*args)
             values = args
             if kind == "wrap":
                 lo = note.lowest(args[1])
@@ -302,7 +302,7 @@ class Probed:
             away = _distance(kind, outcome, values)
             if away is not None and (self.nearest is None or away < self.nearest):
                 self.nearest = away
-            return operation_result
+            return probe_result
 
         return with_distance
 
@@ -351,8 +351,8 @@ def edge(block, case, step):
     state_index, params = names.index("s"), block.cases[case]
 
     def step_row(s, row):
-        step_inputs = blocks.step_arguments(block, params, row)
-        return step(*step_inputs[:state_index], s, *step_inputs[state_index:])
+        input_arguments = blocks.step_arguments(block, params, row)
+        return step(*input_arguments[:state_index], s, *input_arguments[state_index:])
 
     return step_row
 

@@ -58,7 +58,7 @@ class GoalSite(NamedTuple):
 
 
 @functools.cache
-def _goal_sites(stem, case):
+def _site_by_probe(stem, case):
     """{(kind, name): GoalSite} of every probe of a case."""
     sites = probes.build_probed_step(blocks.BLOCKS[stem], case).sites.values()
     return {(s.kind, s.name): GoalSite(s.function, s.copy, _parse_expression(s.text), s.again) for s in sites}
@@ -149,10 +149,10 @@ CLAIMS = (
 )
 
 
-def _match_claims(block, goal_sites):
+def _match_claims(block, goal_site_pairs):
     for claim in CLAIMS:
         if block.stem in claim.stems:
-            for goal, site in goal_sites:
+            for goal, site in goal_site_pairs:
                 if goal[2] in claim.outcomes and claim.covers(site):
                     yield goal, claim.reason
 
@@ -214,7 +214,7 @@ def bounds(block, case):
 
 def _steady(block, case):
     intervals, multiples = bounds(block, case)
-    for port in coverage.goal_name(block):
+    for port in coverage.goal_ports(block):
         least, most, why = intervals.get(port.name, (port.fmt.lo, port.fmt.hi, ""))
         power, gain = multiples.get(port.name, (1, ""))
         for k in range(port.width):
@@ -252,17 +252,17 @@ def _acc_reaches(loop, limit, offset):
         return any((limit * ONE + offset - base * ONE) % p.ki == 0 for base in (min(max(0, p.lo), p.hi), p.lo, p.hi))
     if offset % largest_power_of_two(p.ki):
         return False
-    integral_steps = [p.ki * e for e in loop.solve_errors(p.ki, offset % ONE)]
+    integral_steps = [p.ki * e for e in loop.solve_residue_errors(p.ki, offset % ONE)]
     span = (p.hi - p.lo) * ONE
     lowest, highest = (offset, span + offset) if limit == p.hi else (offset - span, offset)
     return any(lowest <= m <= highest for m in integral_steps)
 
 
-def _pi_exclusions(block, case, goal_sites):
+def _pi_exclusions(block, case, goal_site_pairs):
     loop = _loop(block, case)
     p = loop.p
     step = min(largest_power_of_two(p.kp), largest_power_of_two(p.ki))
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         outcome = goal[2]
         if site.has_shape("clamp(preset, _, _)") and outcome in _outside(loop.preset.lo, loop.preset.hi, p.lo, p.hi):
             yield goal, f"preset is of format {loop.preset}"
@@ -279,13 +279,13 @@ def _pi_exclusions(block, case, goal_sites):
             yield goal, "kp = 0: the sum is acc, which is clamped already"
 
 
-def _modulator_exclusions(block, case, goal_sites):
+def _modulator_exclusions(block, case, goal_site_pairs):
     p = block.cases[case]
     amplitude, factor = modulator.AMPLITUDE, modulator.SINE
     ends = [a * s for a in (amplitude.lo, amplitude.hi) for s in (factor.lo, factor.hi)]
     impossible_outcomes = _outside(half_up(min(ends), p.shift), half_up(max(ends), p.shift), p.lo, p.hi)
     factors = np.arange(1, modulator.SINE.hi + 1, 2)
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         if site.has_shape("clamp(_, _, _)") and goal[2] in impossible_outcomes:
             yield goal, f"the products of the formats round to at most {half_up(max(ends), p.shift)} in magnitude"
         if site.has_shape("half_up(_, _)") and goal[2] in ("half-1", "half+1") and p.shift > modulator.AMPLITUDE.width:
@@ -296,10 +296,10 @@ def _modulator_exclusions(block, case, goal_sites):
                 yield goal, "no product of the two formats has these low bits: all odd factors were tried"
 
 
-def _spi_dac_exclusions(block, case, goal_sites):
+def _spi_dac_exclusions(block, case, goal_site_pairs):
     p = block.cases[case]
     why, longest = f"lead = {p.lead}, gap = {p.gap}", max(p.lead, p.gap)
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         if site.has_shape("s.lead != 0") and goal[2] == "yes" and longest == 0:
             yield goal, why
         if site.has_shape("s.lead == 1") and (longest == 0 or (longest == 1 and goal[2] == "no")):
@@ -310,22 +310,22 @@ def _spi_dac_exclusions(block, case, goal_sites):
             yield goal, why
 
 
-def _sequencer_exclusions(block, case, goal_sites):
+def _sequencer_exclusions(block, case, goal_site_pairs):
     p = block.cases[case]
     at_most = (p.search_limit << sequencer.GAIN.f) // p.gain
     totals = [sign * total for total in range(at_most - 2, at_most + 4) for sign in (1, -1)]
     possible_corrections = {abs(half_up(total * p.gain, sequencer.GAIN.f)) for total in totals}
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         if site.has_shape("abs(correction) <= p.search_limit") and goal[2] in ("-1", "0", "+1"):
             value = p.search_limit + int(goal[2])
             if value not in possible_corrections:
                 yield goal, f"a correction is a whole rotation times gain = {p.gain}, rounded: never {value}"
-    yield from _fault_exclusions(block, case, goal_sites)
+    yield from _fault_exclusions(block, case, goal_site_pairs)
 
 
-def _fault_exclusions(block, case, goal_sites):
+def _fault_exclusions(block, case, goal_site_pairs):
     p = block.cases[case]
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         if site.function not in ("_count", "_flag"):
             continue
         limit = (p.faults if block.stem == "sequencer" else p)[site.copy - 1]
@@ -340,17 +340,17 @@ def _fault_exclusions(block, case, goal_sites):
             yield goal, "the limit is 0, so the counts are not compared"
 
 
-def _register_exclusions(block, case, goal_sites):
-    for goal, site in goal_sites:
+def _register_exclusions(block, case, goal_site_pairs):
+    for goal, site in goal_site_pairs:
         if goal[2] != "over" or site.function != "_load_register" or not site.has_shape("wrap_unsigned(_, _)"):
             continue
         if registers.WRITABLE[site.copy - 1].fmt.width == registers.DATA.width:
             yield goal, "the register is as wide as the data"
 
 
-def _sine_exclusions(block, case, goal_sites):
+def _sine_exclusions(block, case, goal_site_pairs):
     slopes = np.array(sine.tables()[1])
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         if site.has_shape("row >> slope_bits"):
             if goal[2] == "zero" and slopes.all():
                 yield goal, "no slope of the table is 0"
@@ -358,21 +358,21 @@ def _sine_exclusions(block, case, goal_sites):
                 yield goal, "no slope of the table is all ones"
 
 
-def _rate_output_exclusions(block, case, goal_sites):
+def _rate_output_exclusions(block, case, goal_site_pairs):
     t = np.arange(rate_output.T.lo, rate_output.T.hi + 1)
     square, cut = t * t, rate_output.T2_CUT
     low, odd, half = square & ((1 << cut) - 1), (square >> cut) & 1, 1 << (cut - 1)
     values = {"zero": 0, "one": 1, "half-1": half - 1, "half+1": half + 1, "ones": (1 << cut) - 1}
     met = {name for name, value in values.items() if (low == value).any()}
     met |= {name for name, parity in (("tie+even", 0), ("tie+odd", 1)) if ((low == half) & (odd == parity)).any()}
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         if site.has_shape("half_up(s.t * s.t, _)") and goal[2] not in met:
             yield goal, "all temperatures were tried"
 
 
-def _sid_exclusions(block, case, goal_sites):
+def _sid_exclusions(block, case, goal_site_pairs):
     p = block.cases[case]
-    for goal, site in goal_sites:
+    for goal, site in goal_site_pairs:
         if goal[0] != "round":
             continue
         if site.has_shape("half_up(alpha * (x - y), _)"):
@@ -383,7 +383,7 @@ def _sid_exclusions(block, case, goal_sites):
             yield goal, f"the product is a multiple of {gain & -gain}: {name} = {gain}"
 
 
-def _has_sum_close_to_zero():
+def _has_small_atan_sum():
     """Whether some sum of the first k entries of the table, with any signs, is -1, 0 or 1."""
 
     def signed_sums(entries):
@@ -401,10 +401,10 @@ def _has_sum_close_to_zero():
     return False
 
 
-def _cordic_exclusions(block, case, goal_sites):
+def _cordic_exclusions(block, case, goal_site_pairs):
     sums = sum(1 for x in cordic.ATAN if x % 2)
-    turn = not _has_sum_close_to_zero()
-    for goal, site in goal_sites:
+    turn = not _has_small_atan_sum()
+    for goal, site in goal_site_pairs:
         if site.has_shape("wrap(s.angle + turn if _ else _, _)") and turn and sum(cordic.ATAN) < cordic.ANGLE.hi:
             yield goal, "no sum of the first entries of the table, with any signs, is -1, 0 or 1: all were tried"
         # the last angle is the start, a multiple of the cut, plus or minus every entry of the table
@@ -429,7 +429,7 @@ COMPUTED = {
 }
 
 
-WAIVED_REGISTERS = {
+WAIVED_REGISTERS_BY_BLOCK = {
     "fault_monitor": ("bad_frames", "good_frames"),
     "sequencer": ("timer", "faults_bad_frames", "faults_good_frames"),
 }
@@ -437,12 +437,12 @@ WAIVED_REGISTERS = {
 
 def _is_timer_clamp(goal):
     case = next(iter(blocks.BLOCKS["sequencer"].cases))
-    return _goal_sites("sequencer", case)[goal[:2]].has_shape("clamp(s.timer + 1, _, _)")
+    return _site_by_probe("sequencer", case)[goal[:2]].has_shape("clamp(s.timer + 1, _, _)")
 
 
 def waiver_reason(block, goal):
     """Why a goal that can be met is not looked for, or None: upper bits of 16, and the top of the timer."""
-    for name in WAIVED_REGISTERS.get(block.stem, ()):
+    for name in WAIVED_REGISTERS_BY_BLOCK.get(block.stem, ()):
         bit = int(goal[2].split()[1]) if goal[0] == "toggle" and goal[1] == name else 0
         timer = name == "timer" and goal[0] == "clamp" and goal[2][:2] == "hi" and _is_timer_clamp(goal)
         if timer or bit >= fault_monitor.QUICK_TOP.bit_length():
@@ -453,11 +453,11 @@ def waiver_reason(block, goal):
 @functools.cache
 def _reasons(stem, case):
     block = blocks.BLOCKS[stem]
-    sites_by_goal = _goal_sites(stem, case)
-    goal_sites = [(goal, sites_by_goal[goal[:2]]) for goal in coverage.goals(block, case) if goal[0] != "toggle"]
-    parts = [_match_claims(block, goal_sites), _steady(block, case)]
+    site_by_probe = _site_by_probe(stem, case)
+    goal_site_pairs = [(goal, site_by_probe[goal[:2]]) for goal in coverage.goals(block, case) if goal[0] != "toggle"]
+    parts = [_match_claims(block, goal_site_pairs), _steady(block, case)]
     if block.stem in COMPUTED:
-        parts.append(COMPUTED[block.stem](block, case, goal_sites))
+        parts.append(COMPUTED[block.stem](block, case, goal_site_pairs))
     return {goal: f"proved: {reason}" for part in parts for goal, reason in part}
 
 

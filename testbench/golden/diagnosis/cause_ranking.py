@@ -17,7 +17,7 @@ from testbench.golden.diagnosis.value_hypotheses import UNCLASSIFIED
 
 SURE = 0.99  # share from which a cause is certain
 COMPLETE_SHARE = 0.99  # share from which a register needs no further cause
-MOST_CAUSES = 8
+MOST_REPORTED_CAUSES = 8
 MOST_RANKED = 150
 HEADS = 3  # registers that are searched together, the first at fault
 MOST_SEARCHED = 9
@@ -26,7 +26,7 @@ CERTAIN_BITS = 24.0  # the same for a certain name
 MOST_CERTAIN = 11  # cost beyond which a mistake is too rare or complicated to be certain
 
 # classes that wrong rows tell from others where they show less than values
-IDENTIFIED_CLASSES = {
+IDENTIFIABLE_BY_DIFFERENCE = {
     RESET: ("reset", "no_reset", "async_reset"),
     ALWAYS: (),
     EITHER: ("condition",),
@@ -65,8 +65,8 @@ class _HypothesisFits(NamedTuple):
     @property
     def rank(self):
         """What explains all wrong rows of its registers goes first, then what explains more, then what costs less."""
-        is_complete = all(fit.share == 1.0 for fit in self.fits.values())
-        return (not is_complete, -round(self.total, 2), self.hypothesis.cost, self.hypothesis.site.id)
+        explains_all_rows = all(fit.share == 1.0 for fit in self.fits.values())
+        return (not explains_all_rows, -round(self.total, 2), self.hypothesis.cost, self.hypothesis.site.id)
 
     @property
     def total(self):
@@ -79,40 +79,40 @@ def _disturbs(search, hypothesis):
         if target.name in search.faulty or not target.root.cone >> hypothesis.site.id & 1:
             continue
         fit = search.fit(target, hypothesis)
-        if (target.compared_rows & (fit.column != target.sound)).any():
+        if (target.compared_mask & (fit.column != target.sound)).any():
             return True
     return False
 
 
-def _group_fits(fits, names):
+def _group_by_hypothesis(fits, names):
     """Hypotheses by what they cover of `names`, the best first."""
-    fits_by_key = {}
+    fits_by_hypothesis = {}
     for name in names:
         for fit in fits[name]:
-            fits_by_key.setdefault(fit.key, {})[name] = fit
-    candidates = [_HypothesisFits(part) for part in fits_by_key.values()]
-    return sorted(candidates, key=lambda w: w.rank)
+            fits_by_hypothesis.setdefault(fit.key, {})[name] = fit
+    hypothesis_fits = [_HypothesisFits(part) for part in fits_by_hypothesis.values()]
+    return sorted(hypothesis_fits, key=lambda w: w.rank)
 
 
-def _rival_candidates(search, best, candidates):
+def _select_rival_causes(search, best, hypotheses):
     """The best and what explains as much with another cause, whatever it costs: one for each cause, the best first."""
-    rivals, careful = {best.hypothesis.cause: best}, not _disturbs(search, best.hypothesis)
-    for candidate in candidates:
-        if candidate.rank[:2] > best.rank[:2]:
+    rival_by_cause, careful = {best.hypothesis.cause: best}, not _disturbs(search, best.hypothesis)
+    for hypothesis_fits in hypotheses:
+        if hypothesis_fits.rank[:2] > best.rank[:2]:
             break
-        cause = candidate.hypothesis.cause
-        if cause not in rivals and not (careful and _disturbs(search, candidate.hypothesis)):
-            rivals[cause] = candidate
-    return list(rivals.values())
+        cause = hypothesis_fits.hypothesis.cause
+        if cause not in rival_by_cause and not (careful and _disturbs(search, hypothesis_fits.hypothesis)):
+            rival_by_cause[cause] = hypothesis_fits
+    return list(rival_by_cause.values())
 
 
-def _is_identified(search, best, candidates, names):
+def _is_identified(search, best, hypotheses, names):
     """Whether the wrong rows of one of the registers tell the class of the best from those without a hypothesis."""
     cause = best.hypothesis.cause
-    alternatives = [w for w in candidates if w.hypothesis.cause == cause and w.rank[:2] <= best.rank[:2]]
-    if all(w.hypothesis.fitted for w in alternatives):
+    cause_hypotheses = [w for w in hypotheses if w.hypothesis.cause == cause and w.rank[:2] <= best.rank[:2]]
+    if all(w.hypothesis.fitted for w in cause_hypotheses):
         return False
-    return any(cause in IDENTIFIED_CLASSES.get(search.difference_kind(name), (cause,)) for name in names)
+    return any(cause in IDENTIFIABLE_BY_DIFFERENCE.get(search.difference_kind(name), (cause,)) for name in names)
 
 
 def _enough(search, names, spare):
@@ -121,7 +121,7 @@ def _enough(search, names, spare):
     return sum(search.evidence(name) for name in names) >= log2(max(tried, 1)) + spare
 
 
-def _extend_fits(search, best, names):
+def _add_explained_registers(search, best, names):
     """The best with those of `names` that it explains as well."""
     fits = dict(best.fits)
     for name in names:
@@ -132,34 +132,34 @@ def _extend_fits(search, best, names):
     return _HypothesisFits(fits)
 
 
-def rank_causes(search, first_row_registers=()):
-    """[Cause] of a `Search`, in order of rank; `first_row_registers`: registers wrong in row 0 alone."""
-    fits, primary, secondary = {}, [], []
-    count = len({*search.faulty, *first_row_registers})
+def rank_causes(search, first_row_faults=()):
+    """[Cause] of a `Search`, in order of rank; `first_row_faults`: registers wrong in row 0 alone."""
+    fits, leading_causes, further_causes = {}, [], []
+    count = len({*search.faulty, *first_row_faults})
     open_names = list(search.faulty)
     while open_names and len(fits) < MOST_SEARCHED:
         heads = open_names[:HEADS]
         fits |= {name: search.ranked_fits(name) for name in heads if name not in fits}
-        candidates = _group_fits(fits, heads)
-        listable = [w for w in candidates if w.hypothesis.cause != UNCLASSIFIED]
+        hypotheses = _group_by_hypothesis(fits, heads)
+        listable = [w for w in hypotheses if w.hypothesis.cause != UNCLASSIFIED]
         if not listable:
             open_names = open_names[HEADS:]
             continue
         best = next((w for w in listable[:MOST_RANKED] if not _disturbs(search, w.hypothesis)), listable[0])
         if best.rank[0] > listable[0].rank[0]:
             best = listable[0]
-        rivals, causes = _rival_candidates(search, best, candidates), []
-        covered = _extend_fits(search, best, open_names).fits
+        rival_hypotheses, causes = _select_rival_causes(search, best, hypotheses), []
+        covered = _add_explained_registers(search, best, open_names).fits
         # what gives another value in a row where the design is right is not the whole truth
         refuted = any(fit.precision < 1.0 for fit in covered.values())
-        part = float(sum(fit.share for fit in covered.values())) / count / (len(rivals) + refuted)
+        part = float(sum(fit.share for fit in covered.values())) / count / (len(rival_hypotheses) + refuted)
         cheap = best.hypothesis.cost <= MOST_CERTAIN
         certain = (
-            cheap and _is_identified(search, best, candidates, covered) and _enough(search, best.fits, CERTAIN_BITS)
+            cheap and _is_identified(search, best, hypotheses, covered) and _enough(search, best.fits, CERTAIN_BITS)
         )
-        if len(rivals) == 1 and not refuted and not certain:
+        if len(rival_hypotheses) == 1 and not refuted and not certain:
             part /= 2
-        for rival in rivals:
+        for rival in rival_hypotheses:
             if rival.hypothesis.cause != UNCLASSIFIED and _enough(search, rival.fits, SPARE_BITS):
                 causes.append(Cause(rival.hypothesis.cause, next(iter(rival.fits)), part, rival.hypothesis.what))
         more = [
@@ -169,11 +169,11 @@ def rank_causes(search, first_row_registers=()):
         ]
         # a part of the wrong rows counts only if a second fault explains the others
         if all(more):
-            primary += causes[:1]
-            secondary += [*more, *causes[1:]]
+            leading_causes += causes[:1]
+            further_causes += [*more, *causes[1:]]
         open_names = [name for name in open_names if name not in covered]
-    primary.sort(key=lambda cause: search.faulty.index(cause.register))
-    return (primary + secondary)[:MOST_CAUSES]
+    leading_causes.sort(key=lambda cause: search.faulty.index(cause.register))
+    return (leading_causes + further_causes)[:MOST_REPORTED_CAUSES]
 
 
 def _second(search, name, hypothesis, share):
@@ -185,7 +185,7 @@ def _second(search, name, hypothesis, share):
 
 
 def hidden_causes(search, every=False):
-    """[Cause] of a `PartialObservation`: only what explains every row counts; it has the name of a port that is seen.
+    """[Cause] of a `HiddenRegisterSearch`: only what explains every row counts; it has the name of a port that is seen.
 
     One of each class and port, or `every` hypothesis.
     """
@@ -195,9 +195,9 @@ def hidden_causes(search, every=False):
     first = {}
     for h, port in explained:
         first.setdefault((h.cause, port), h)
-    async_port = search.async_reset_port()
+    async_reset_port = search.async_reset_port()
     # what was not run, and what is read off the rows of registers, may explain the rows as well
-    part = 1.0 / (len(first) + 1 + (async_port is not None))
-    causes = [Cause("async_reset", async_port, part, "all registers at once")] if async_port else []
+    part = 1.0 / (len(first) + 1 + (async_reset_port is not None))
+    causes = [Cause("async_reset", async_reset_port, part, "all registers at once")] if async_reset_port else []
     causes += [Cause(h.cause, port, part, h.what) for h, port in explained if every or first[h.cause, port] is h]
-    return causes if every else causes[:MOST_CAUSES]
+    return causes if every else causes[:MOST_REPORTED_CAUSES]

@@ -20,9 +20,9 @@ from testbench.golden.diagnosis.perturb_arithmetic import is_flag
 from testbench.golden.diagnosis.perturb_control import branches, decides
 
 READ_BIT_COST, EXTRA_BIT_COST = 4, FAR + 4  # costs: a bit of a word that is read, one more
-FREE_COST = FAR - 1
+FREE_FLAG_COST = FAR - 1
 MOST_BITS = 12000
-MOST_MATCHES = 12  # of each form
+MOST_BIT_MATCHES = 12  # of each form
 FEW = 16  # bytes that are compared first
 SOME = 40  # rows that are tried first
 
@@ -45,13 +45,13 @@ class Bits:
         """([numbers of the bits that are `need` in all rows that count], [of those that are its opposite])."""
         want, mask = np.packbits(need), np.packbits(counts)
         at = np.flatnonzero(mask)
-        matches = []
+        matching_bits = []
         for value in (want, ~want):
             remaining = np.arange(len(self.packed))
             for part in (at[:: max(len(at) // FEW, 1)], at):
                 remaining = remaining[~((self.packed[np.ix_(remaining, part)] ^ value[part]) & mask[part]).any(axis=1)]
-            matches.append(remaining)
-        return matches
+            matching_bits.append(remaining)
+        return matching_bits
 
 
 def bit_node(net, node, bit):
@@ -71,7 +71,7 @@ def is_value(net, uses):
     )
 
 
-def word_hypotheses(net, node):
+def condition_bit_hypotheses(net, node):
     """Hypotheses without rows: another bit of a register or input that a condition reads.
 
     The node is the condition, in all of its uses, or what uses one of several uses.
@@ -105,8 +105,8 @@ def hypotheses(search, target, inside, picked, wrong):
         if child.op in ROOTS or child.value == "rst" or static(child) is not None:
             continue
         if uses and len(uses) == len(net.users[child.id]):
-            condition_site = child, child, uses
-            yield from _condition_hypotheses(search, target, condition_site, lambda flag: flag, picked, wrong)
+            site_condition_uses = child, child, uses
+            yield from _condition_hypotheses(search, target, site_condition_uses, lambda flag: flag, picked, wrong)
         for node, k in uses if len(uses) > 1 or len(net.users[child.id]) > 1 else ():
             if target.root.cone >> node.id & 1:
                 build = functools.partial(with_argument, net, node, k)
@@ -129,12 +129,12 @@ def decisions(search, target, inside, wrong, enough):
         for site, build in ways:
             if target.root.cone >> site.id & 1:
                 some = wrong[:: max(len(wrong) // SOME, 1)]
-                if enough(some[~_explained_rows(search, target, site, build, some)]):
-                    explained = _explained_rows(search, target, site, build, wrong)
-                    if explained.any() and enough(wrong[~explained]):
-                        off, on = _values_by_flag(search, target, site, build, slice(None))
-                        need = (target.got == on)[target.compared_rows & (off != on)]
-                        yield explained, bool(need.any() and not need.all())
+                if enough(some[~_condition_explains(search, target, site, build, some)]):
+                    explained_rows = _condition_explains(search, target, site, build, wrong)
+                    if explained_rows.any() and enough(wrong[~explained_rows]):
+                        off, on = _values_by_condition(search, target, site, build, slice(None))
+                        need = (target.got == on)[target.compared_mask & (off != on)]
+                        yield explained_rows, bool(need.any() and not need.all())
 
 
 def free_condition_hypotheses(search, target, inside, wrong):
@@ -148,40 +148,40 @@ def free_condition_hypotheses(search, target, inside, wrong):
         if len(net.users[child.id]) > 1:
             ways += [(node, functools.partial(with_argument, net, node, k)) for node, k in uses]
         for site, build in ways:
-            if not target.root.cone >> site.id & 1 or not _explained_rows(search, target, site, build, wrong).all():
+            if not target.root.cone >> site.id & 1 or not _condition_explains(search, target, site, build, wrong).all():
                 continue
-            off, on = _values_by_flag(search, target, site, build, slice(None))
-            decided = target.compared_rows & (off != on)
+            off, on = _values_by_condition(search, target, site, build, slice(None))
+            decided = target.compared_mask & (off != on)
             if np.any(decided & (off != target.got) & (on != target.got)):
                 continue
             flag = search.free(target, child, np.where(decided, on == target.got, search.rows.node_column(child) != 0))
-            yield Hypothesis("condition", f"another condition for {child!r}", site, build(flag), FREE_COST, True)
+            yield Hypothesis("condition", f"another condition for {child!r}", site, build(flag), FREE_FLAG_COST, True)
 
 
-def _explained_rows(search, target, site, build, at):
+def _condition_explains(search, target, site, build, at):
     """Which of some rows the design has with the condition that is 0 or 1 there."""
-    off, on = _values_by_flag(search, target, site, build, at)
+    off, on = _values_by_condition(search, target, site, build, at)
     return (off != on) & ((off == target.got[at]) | (on == target.got[at]))
 
 
-def _values_by_flag(search, target, site, build, at):
+def _values_by_condition(search, target, site, build, at):
     """Values of a target at rows with a condition that is 0, and 1."""
-    ways = [search.rows.row_values(build(search.net.const(flag)), at) for flag in (0, 1)]
+    ways = [search.rows.node_values(build(search.net.const(flag)), at) for flag in (0, 1)]
     size = search.count if isinstance(at, slice) else len(at)
-    return search.faulty_values(target, ((site, np.stack([way + np.zeros(size, np.int64) for way in ways])),), at)
+    return search.values_with_faults(target, ((site, np.stack([way + np.zeros(size, np.int64) for way in ways])),), at)
 
 
-def _condition_hypotheses(search, target, condition_site, build, picked, wrong):
+def _condition_hypotheses(search, target, site_condition_uses, build, picked, wrong):
     """Hypotheses on one condition: `build` gives what stands for the site with another flag as the condition.
 
-    condition_site  (site, condition, its uses that are varied)
+    site_condition_uses  (site, condition, its uses that are varied)
     """
-    net, (site, child, uses) = search.net, condition_site
-    off, on = _values_by_flag(search, target, site, build, picked)
+    net, (site, child, uses) = search.net, site_condition_uses
+    off, on = _values_by_condition(search, target, site, build, picked)
     if not np.all((off != on) & ((off == target.got[picked]) | (on == target.got[picked]))):
         return
-    off, on = _values_by_flag(search, target, site, build, slice(None))
-    decided = target.compared_rows & (off != on)
+    off, on = _values_by_condition(search, target, site, build, slice(None))
+    decided = target.compared_mask & (off != on)
     need = decided & (on == target.got)
     if not decided[wrong].all() or np.any(decided & ~need & (off != target.got)):
         return
@@ -200,9 +200,9 @@ def _condition_hypotheses(search, target, condition_site, build, picked, wrong):
         forms.append((decided & ~now, "or", lambda flag: net.node("lor", (child, flag))))
     for counts, relation, formed in forms:
         for way, numbers in zip(("", "not "), search.bits.equal(need, counts)):
-            read_bits = [number for number in numbers if search.bits.node_bits[number][0] in read]
-            unread_bits = [number for number in numbers if search.bits.node_bits[number][0] not in read]
-            for number in (*read_bits[:MOST_MATCHES], *unread_bits[:MOST_MATCHES]):
+            read_word_bits = [number for number in numbers if search.bits.node_bits[number][0] in read]
+            unread_word_bits = [number for number in numbers if search.bits.node_bits[number][0] not in read]
+            for number in (*read_word_bits[:MOST_BIT_MATCHES], *unread_word_bits[:MOST_BIT_MATCHES]):
                 word, bit = search.bits.node_bits[number]
                 flag = bit_node(net, word, bit)
                 if flag is not child:

@@ -50,12 +50,12 @@ class _Wiring(Elaborator):
     def call(self, function, args, kwargs, names=None):
         function = registry.python_function(function)
         module = self._modules.get(function)
-        arguments = inspect.signature(function).bind(*args, **kwargs).arguments if module else {}
-        path = self._paths_by_id.get(id(arguments.get("s")))
+        step_args = inspect.signature(function).bind(*args, **kwargs).arguments if module else {}
+        path = self._paths_by_id.get(id(step_args.get("s")))
         if path is None:
             return super().call(function, args, kwargs, names)
-        after = fill_shape(arguments["s"], lambda node: self.net.node("in", (), f"next {node.value}"))
-        self.steps[path] = module, arguments, after
+        after = fill_shape(step_args["s"], lambda node: self.net.node("in", (), f"next {node.value}"))
+        self.steps[path] = module, step_args, after
         return after
 
 
@@ -71,10 +71,10 @@ def _top_pins(kinds=("pin",)):
     return {leaf.name: wire.port for wire in wires for leaf in wire.signal.leaves if leaf.kind in kinds}
 
 
-def instance_pins(path):
+def instance_top_pins(path):
     """{register or pin of an instance: pin of top} of what leads to a pin of the board."""
-    top_pins = _top_pins(("pin", "register"))
-    return {port_name(name[len(path) + 1 :]): pin for name, pin in top_pins.items() if name.startswith(f"{path}.")}
+    pin_by_leaf = _top_pins(("pin", "register"))
+    return {port_name(name[len(path) + 1 :]): pin for name, pin in pin_by_leaf.items() if name.startswith(f"{path}.")}
 
 
 @functools.cache
@@ -86,39 +86,39 @@ def _home(name):
     return module, port_name(name[len(path) + 1 :])
 
 
-def _step_flag(net, value, after):
+def _build_step_enable(net, next_value, after):
     """Node of whether a value is that behind the step, and not the one held."""
-    if value is after:
+    if next_value is after:
         return net.const(1)
-    if value.op != "mux":
+    if next_value.op != "mux":
         return net.const(0)
-    ways = [_step_flag(net, way, after) for way in value.args[1:]]
-    return ways[0] if ways[0] is ways[1] else net.node("mux", (value.args[0], *ways))
+    ways = [_build_step_enable(net, way, after) for way in next_value.args[1:]]
+    return ways[0] if ways[0] is ways[1] else net.node("mux", (next_value.args[0], *ways))
 
 
 def wire_design(params):
     """(`Net`, {instance: `Wired`}) of a design with the `top.Params`; raises `elaborate.Unsupported`."""
     net, d = Net(), params.design
     shape = formats(top.State, d, top.reset(d))
-    name_formats = iter([(report_name(name), fmt) for name, fmt in leaves(shape)])
-    state = fill_shape(shape, lambda _: net.leaf("in", *next(name_formats)))
+    register_formats = iter([(report_name(name), fmt) for name, fmt in leaves(shape)])
+    state = fill_shape(shape, lambda _: net.leaf("in", *next(register_formats)))
     inputs = top.Inputs(*(net.leaf("in", *port) for port in zip(top.Inputs._fields, top.INPUTS_FMT)))
     work = _Wiring(net, state)
     for name, fmt in leaves(shape):
         net.fmts[f"in next {report_name(name)}"] = fmt
-    after, instances = work.call(top.step, [params, sine.table(d), state, inputs], {}), {}
-    for path, (module, arguments, stepped) in work.steps.items():
+    after, wired_blocks = work.call(top.step, [params, sine.table(d), state, inputs], {}), {}
+    for path, (module, step_args, stepped) in work.steps.items():
         next_state = functools.reduce(getattr, path.split("."), after)
-        (_, next_leaf), (_, stepped_leaf) = next(leaves(next_state)), next(leaves(stepped))
-        step_flag = _step_flag(net, next_leaf, stepped_leaf)
-        nodes = [work.as_node(leaf) for name in registry.shapes(module, d) for _, leaf in leaves(arguments[name])]
+        (_, next_leaf), (_, leaf_after_step) = next(leaves(next_state)), next(leaves(stepped))
+        step_enable = _build_step_enable(net, next_leaf, leaf_after_step)
+        nodes = [work.as_node(leaf) for name in registry.shapes(module, d) for _, leaf in leaves(step_args[name])]
         ports = dict(zip([name for name, _ in registry.inputs(module, d)], nodes, strict=True))
-        for name in module.BLOCK.strobes if step_flag.op != "const" else ():
-            ports[name] = net.node("mux", (step_flag, ports[name], net.const(0)))
+        for name in module.BLOCK.strobes if step_enable.op != "const" else ():
+            ports[name] = net.node("mux", (step_enable, ports[name], net.const(0)))
         inner = {port_name(name): f"{path}.{name}" for name, _ in leaves(stepped)}
         pins = {name: f"{path}.{name}" for name, _ in registry.pins(module, d)}
         pins = {name: pin for name, pin in pins.items() if pin in _top_pins()}
-        values = {} if module.BLOCK.runtime_params else {port_name(k): int(v) for k, v in leaves(arguments.get("p"))}
+        values = {} if module.BLOCK.runtime_params else {port_name(k): int(v) for k, v in leaves(step_args.get("p"))}
         names = {n: report_name(leaf) for n, leaf in inner.items()} | {n: _top_pins()[leaf] for n, leaf in pins.items()}
-        instances[path] = Wired(module, values, ports, names, {n: _home(leaf) for n, leaf in (inner | pins).items()})
-    return net, instances
+        wired_blocks[path] = Wired(module, values, ports, names, {n: _home(leaf) for n, leaf in (inner | pins).items()})
+    return net, wired_blocks

@@ -71,13 +71,13 @@ def static(node):
         return node.value[1]
     if node.op not in OPERATIONS:
         return None
-    values = []
+    argument_values = []
     for a in node.args:
         value = static(a)
         if value is None:
             return None
-        values.append(value)
-    return int(OPERATIONS[node.op][0](*[np.int64(value) for value in values]))
+        argument_values.append(value)
+    return int(OPERATIONS[node.op][0](*[np.int64(value) for value in argument_values]))
 
 
 class Elaborator:
@@ -92,12 +92,12 @@ class Elaborator:
     def operation_node(self, op, args, text=""):
         return self.net.node(op, [self.as_node(a) for a in args], None, text)
 
-    def merge_values(self, test, a, b):
+    def mux_values(self, test, a, b):
         """`a` where the test holds, else `b`, leaf by leaf."""
         if a is b:
             return a
         if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
-            items = [self.merge_values(test, x, y) for x, y in zip(a, b)]
+            items = [self.mux_values(test, x, y) for x, y in zip(a, b)]
             return type(a)(*items) if hasattr(a, "_fields") else tuple(items)
         if isinstance(a, (Node, int)) and isinstance(b, (Node, int)):
             a, b = self.as_node(a), self.as_node(b)
@@ -141,17 +141,15 @@ class Elaborator:
                     return self.evaluate([*(statement.body if test else statement.orelse), *remaining], env, names)
                 ways = (statement.body, statement.orelse)
                 if _returns(statement):
-                    return self.merge_values(
-                        test, *[self.evaluate([*way, *remaining], dict(env), names) for way in ways]
-                    )
+                    return self.mux_values(test, *[self.evaluate([*way, *remaining], dict(env), names) for way in ways])
                 yes, no = dict(env), dict(env)
                 self.evaluate(ways[0], yes, names)
                 self.evaluate(ways[1], no, names)
-                env.update({name: self.merge_values(test, yes[name], no[name]) for name in yes.keys() & no.keys()})
+                env.update({name: self.mux_values(test, yes[name], no[name]) for name in yes.keys() & no.keys()})
             elif isinstance(statement, ast.Assign):
-                new_value = self.value(statement.value, env, names)
+                assigned_value = self.value(statement.value, env, names)
                 for target in statement.targets:
-                    self.assign(target, new_value, env)
+                    self.assign(target, assigned_value, env)
             elif isinstance(statement, ast.AugAssign):
                 both = ast.BinOp(ast.Name(statement.target.id, ast.Load()), statement.op, statement.value)
                 env[statement.target.id] = self.value(both, env, names)
@@ -159,11 +157,11 @@ class Elaborator:
                 raise Unsupported(ast.unparse(statement))
         return None
 
-    def assign(self, target, new_value, env):
+    def assign(self, target, assigned_value, env):
         if isinstance(target, ast.Name):
-            env[target.id] = new_value
+            env[target.id] = assigned_value
         elif isinstance(target, ast.Tuple):
-            for part, value in zip(target.elts, new_value, strict=True):
+            for part, value in zip(target.elts, assigned_value, strict=True):
                 self.assign(part, value, env)
         else:
             raise Unsupported(ast.unparse(target))
@@ -194,18 +192,18 @@ class Elaborator:
         return tuple(self.value(item, env, names) for item in node.elts)
 
     def _unaryop(self, node, env, names):
-        op, function = UNARY[type(node.op)]
-        operand = self.value(node.operand, env, names)
-        if not isinstance(operand, Node):
-            return int(function(operand))
-        return self.operation_node(op, (operand,), ast.unparse(node))
+        op, python_operator = UNARY[type(node.op)]
+        operand_value = self.value(node.operand, env, names)
+        if not isinstance(operand_value, Node):
+            return int(python_operator(operand_value))
+        return self.operation_node(op, (operand_value,), ast.unparse(node))
 
     def _binop(self, node, env, names):
-        op, function = BINARY[type(node.op)]
+        op, python_operator = BINARY[type(node.op)]
         a, b = self.value(node.left, env, names), self.value(node.right, env, names)
         if isinstance(a, Node) or isinstance(b, Node):
             return self.operation_node(op, (a, b), ast.unparse(node))
-        return function(a, b)
+        return python_operator(a, b)
 
     def _compare(self, node, env, names):
         if len(node.ops) != 1:
@@ -213,10 +211,10 @@ class Elaborator:
         a, b = self.value(node.left, env, names), self.value(node.comparators[0], env, names)
         if isinstance(node.ops[0], ast.Is):  # an optional part is there, or not
             return int(a is b)
-        op, function = COMPARE[type(node.ops[0])]
+        op, python_operator = COMPARE[type(node.ops[0])]
         if isinstance(a, Node) or isinstance(b, Node):
             return self._flag(op, a, b) or self.operation_node(op, (a, b), ast.unparse(node))
-        return int(function(a, b))
+        return int(python_operator(a, b))
 
     def _flag(self, op, a, b):
         """A flag that is compared with 0 or 1 is the flag, or its opposite."""
@@ -241,7 +239,7 @@ class Elaborator:
         test = self.value(node.test, env, names)
         if not isinstance(test, Node):
             return self.value(node.body if test else node.orelse, env, names)
-        return self.merge_values(test, self.value(node.body, env, names), self.value(node.orelse, env, names))
+        return self.mux_values(test, self.value(node.body, env, names), self.value(node.orelse, env, names))
 
     def _subscript(self, node, env, names):
         sequence = self.value(node.value, env, names)
@@ -259,13 +257,13 @@ class Elaborator:
         args = []
         for part in node.args:
             star = isinstance(part, ast.Starred)
-            argument = self.value(part.value if star else part, env, names)
-            args += argument if star else [argument]
+            argument_value = self.value(part.value if star else part, env, names)
+            args += argument_value if star else [argument_value]
         kwargs = {k.arg: self.value(k.value, env, names) for k in node.keywords}
-        result = self.call(self.value(node.func, env, names), args, kwargs)
-        if isinstance(result, Node) and not result.text:
-            result.text = ast.unparse(node)
-        return result
+        call_result = self.call(self.value(node.func, env, names), args, kwargs)
+        if isinstance(call_result, Node) and not call_result.text:
+            call_result.text = ast.unparse(node)
+        return call_result
 
 
 def block_net(stem, params, design):
@@ -279,10 +277,10 @@ def block_net(stem, params, design):
         raws = dict(zip([registry.port_name(path) for path, _ in registry.leaves(shape)], registry.raws(shape, params)))
         paths = iter([registry.port_name(path) for path, _ in registry.leaves(shape)])
         arguments["p"] = registry.fill_shape(shape, lambda fmt: _param(net, next(paths), raws, fmt))
-    reset_state = registry.reset_registers(module, design)
-    reset_values = [(registry.port_name(path), int(value)) for path, value in registry.leaves(reset_state)]
+    reset_state = registry.power_on_registers(module, design)
+    register_reset_values = [(registry.port_name(path), int(value)) for path, value in registry.leaves(reset_state)]
     shape = formats(module.State, design, reset_state)
-    fmts = dict(zip([name for name, _ in reset_values], [fmt for _, fmt in registry.leaves(shape)]))
+    fmts = dict(zip([name for name, _ in register_reset_values], [fmt for _, fmt in registry.leaves(shape)]))
     names = iter(fmts)
     arguments["s"] = registry.fill_shape(shape, lambda fmt: net.leaf("reg", next(names), fmt))
     ports = iter(registry.inputs(module, design))
@@ -291,15 +289,15 @@ def block_net(stem, params, design):
     work = Elaborator(net)
     after = work.call(module.step, [arguments[name] for name in registry.arguments(module)], {})
     reset = net.leaf("in", "rst", registry.BIT)
-    for (name, value), (_, result) in zip(reset_values, registry.leaves(after), strict=True):
+    for (name, value), (_, model_result) in zip(register_reset_values, registry.leaves(after), strict=True):
         net.reset[name] = value
-        chosen = net.node("mux", (reset, work.as_node(value), work.as_node(result)), name, name)
+        chosen = net.node("mux", (reset, work.as_node(value), work.as_node(model_result)), name, name)
         net.roots[name] = net.node("next", (chosen,), name, name)
     pins = iter(registry.pins(module, design))
     for name in module.BLOCK.outputs:
-        function = registry.python_function(getattr(module, name))
-        result = work.call(function, [arguments[k] for k in inspect.signature(function).parameters], {})
-        for _, leaf in registry.leaves(result):
+        pin_function = registry.python_function(getattr(module, name))
+        model_result = work.call(pin_function, [arguments[k] for k in inspect.signature(pin_function).parameters], {})
+        for _, leaf in registry.leaves(model_result):
             pin, fmt = next(pins)
             net.fmts[pin] = fmt
             net.roots[pin] = net.node("pin", (work.as_node(leaf),), pin, pin)

@@ -39,11 +39,11 @@ class Target(NamedTuple):
     root: object
     fmt: object
     got: np.ndarray
-    compared_rows: np.ndarray
+    compared_mask: np.ndarray
     sound: np.ndarray
     wrong: np.ndarray
 
-    def wrap_to_width(self, column):
+    def wrap_to_port(self, column):
         """A column as a port of this width holds it."""
         return wrap_column(column, self.fmt.width, bool(self.fmt.s))
 
@@ -99,15 +99,15 @@ class Search:
 
     def _target(self, name, got, care):
         root, fmt = self.net.roots[name], self.net.fmts[name]
-        compared_rows = care[name].copy()
+        compared_mask = care[name].copy()
         if root.op == "next":
             # row n of the net gives row n + 1 of the register
-            got, compared_rows = np.append(got[1:], got[-1:]), np.append(compared_rows[1:], False)
+            got, compared_mask = np.append(got[1:], got[-1:]), np.append(compared_mask[1:], False)
         for node in self.net.cone_nodes(root):
             if node.op == "reg" and node.value in care:
-                compared_rows &= care[node.value] & self._usual[node.value]
+                compared_mask &= care[node.value] & self._usual[node.value]
         sound = wrap_column(self.rows.node_column(root), fmt.width, bool(fmt.s))
-        return Target(name, root, fmt, got, compared_rows, sound, compared_rows & (got != sound))
+        return Target(name, root, fmt, got, compared_mask, sound, compared_mask & (got != sound))
 
     @functools.cached_property
     def bits(self):
@@ -117,29 +117,29 @@ class Search:
     def site_hypotheses(self, node):
         """Hypotheses at a node, made once."""
         if node.id not in self.hypotheses:
-            self.hypotheses[node.id] = perturb.node_hypotheses(self.net, node, self.rows.value_range)
+            self.hypotheses[node.id] = perturb.node_hypotheses(self.net, node, self.rows.observed_range)
         return self.hypotheses[node.id]
 
-    def faulty_values(self, target, faults, at):
+    def values_with_faults(self, target, faults, at):
         """What a target is with faults, as its port holds it."""
-        return target.wrap_to_width(self.rows.faulty_values(target.root, faults, at))
+        return target.wrap_to_port(self.rows.values_with_faults(target.root, faults, at))
 
     def fit(self, target, hypothesis, assumed_faults=()):
         """`Fit` of one hypothesis beside `assumed_faults` that are taken for granted, over all rows."""
         every = slice(None)
-        column = self.faulty_values(target, ((hypothesis.site, hypothesis.by), *assumed_faults), every)
-        before = self.faulty_values(target, assumed_faults, every) if assumed_faults else target.sound
-        wrong = target.compared_rows & (target.got != before)
-        active = target.compared_rows & (column != before)
-        explained = wrong & (column == target.got)
-        hits = np.count_nonzero(explained)
+        column = self.values_with_faults(target, ((hypothesis.site, hypothesis.by), *assumed_faults), every)
+        before = self.values_with_faults(target, assumed_faults, every) if assumed_faults else target.sound
+        wrong = target.compared_mask & (target.got != before)
+        active = target.compared_mask & (column != before)
+        explained_mask = wrong & (column == target.got)
+        hits = np.count_nonzero(explained_mask)
         return Fit(hypothesis, hits / max(np.count_nonzero(wrong), 1), hits / max(np.count_nonzero(active), 1), column)
 
     def ranked_fits(self, name, assumed_faults=()):
         """Fits of a target that explain enough and disturb little, the best first."""
         target = self.targets[name]
-        before = self.faulty_values(target, assumed_faults, slice(None)) if assumed_faults else target.sound
-        wrong = np.flatnonzero(target.compared_rows & (target.got != before))
+        before = self.values_with_faults(target, assumed_faults, slice(None)) if assumed_faults else target.sound
+        wrong = np.flatnonzero(target.compared_mask & (target.got != before))
         if not len(wrong):
             return []
         picked = sample_rows(wrong)
@@ -154,9 +154,9 @@ class Search:
         self.tried[name] = max(len(tried), self.tried.get(name, 0))
         hits = self._hits(target, tried, assumed_faults, picked)
         order = sorted(range(len(tried)), key=lambda k: (-hits[k], tried[k].cost))
-        complete = [k for k in order if hits[k] == len(picked)]
+        complete_indices = [k for k in order if hits[k] == len(picked)]
         part = [k for k in order if LEAST_SHARE * len(picked) <= hits[k] < len(picked)]
-        fits = self._fits_by_cause(target, [tried[k] for k in complete], assumed_faults)
+        fits = self._fits_across_causes(target, [tried[k] for k in complete_indices], assumed_faults)
         if any(f.share == 1.0 for f in fits):
             rivals += [] if assumed_faults else value_hypotheses.unclassified_hypotheses(self.net, target, inside)
             hits = self._hits(target, rivals, assumed_faults, picked)
@@ -195,29 +195,29 @@ class Search:
             sites.setdefault(h.site.id, []).append(k)
         for numbers in sites.values():
             site = tried[numbers[0]].site
-            was = self.rows.row_values(site, picked)
-            values = [self.rows.row_values(tried[k].by, picked) + np.zeros(len(picked), np.int64) for k in numbers]
+            was = self.rows.node_values(site, picked)
+            values = [self.rows.node_values(tried[k].by, picked) + np.zeros(len(picked), np.int64) for k in numbers]
             active = [n for n, value in enumerate(values) if assumed_faults or np.any(value != was)]
             if active:
                 stack = np.stack([values[n] for n in active])
-                predicted = self.faulty_values(target, ((site, stack), *assumed_faults), picked)
-                counts = np.count_nonzero(np.broadcast_to(predicted, stack.shape) == target.got[picked], axis=1)
+                predicted_values = self.values_with_faults(target, ((site, stack), *assumed_faults), picked)
+                counts = np.count_nonzero(np.broadcast_to(predicted_values, stack.shape) == target.got[picked], axis=1)
                 hits[[numbers[n] for n in active]] = counts
         return hits
 
     def _acceptable_fits(self, target, tried, assumed_faults):
-        fits = [self.fit(target, h, assumed_faults) for h in tried]
-        return [f for f in fits if f.share >= LEAST_SHARE and f.precision >= LEAST_PRECISION]
+        all_fits = [self.fit(target, h, assumed_faults) for h in tried]
+        return [f for f in all_fits if f.share >= LEAST_SHARE and f.precision >= LEAST_PRECISION]
 
-    def _fits_by_cause(self, target, tried, assumed_faults):
+    def _fits_across_causes(self, target, tried, assumed_faults):
         """Fits of the first of a list, and of each cause: it is not alone because others are cheaper."""
-        fits, explained_causes, count = [], set(), collections.Counter()
+        fits, complete_causes, count = [], set(), collections.Counter()
         for k, h in enumerate(tried):
-            if k < MOST_FITS or (h.cause not in explained_causes and count[h.cause] < MOST_OF_CAUSE):
+            if k < MOST_FITS or (h.cause not in complete_causes and count[h.cause] < MOST_OF_CAUSE):
                 count[h.cause] += 1
-                new_fits = self._acceptable_fits(target, [h], assumed_faults)
-                fits += new_fits
-                explained_causes |= {f.hypothesis.cause for f in new_fits if f.share == f.precision == 1.0}
+                hypothesis_fits = self._acceptable_fits(target, [h], assumed_faults)
+                fits += hypothesis_fits
+                complete_causes |= {f.hypothesis.cause for f in hypothesis_fits if f.share == f.precision == 1.0}
         return fits
 
     @functools.cached_property
@@ -238,24 +238,24 @@ class Search:
         if len(np.unique(target.got[wrong])) == 1:
             return ALWAYS
         inside = [node for node in self.net.cone_nodes(target.root) if node.id < self.net.model_size]
-        mask, both_flags = (1 << target.fmt.width) - 1, []
+        mask, both_values_flags = (1 << target.fmt.width) - 1, []
 
         def few(at):
             got, sound = target.got[at], target.sound[at]
             return any(len(np.unique(difference & mask)) <= FEW for difference in (got ^ sound, got - sound))
 
         kind = FEW_DIFFERENCES if few(wrong) else VALUES
-        for explained, both in condition_hypotheses.decisions(
+        for explained_mask, both in condition_hypotheses.decisions(
             self, target, inside, wrong, lambda other: not len(other) or few(other)
         ):
-            if explained.all():
-                both_flags.append(both)
+            if explained_mask.all():
+                both_values_flags.append(both)
             else:
                 kind = FEW_DIFFERENCES
-        return (EITHER if any(both_flags) else ALWAYS) if both_flags else kind
+        return (EITHER if any(both_values_flags) else ALWAYS) if both_values_flags else kind
 
     def evidence(self, name):
         """Bits that the wrong rows of a target are worth: log2 of the ways to choose so many, or one; values too."""
         target = self.targets[name]
-        n, k = np.count_nonzero(target.compared_rows), np.count_nonzero(target.wrong)
+        n, k = np.count_nonzero(target.compared_mask), np.count_nonzero(target.wrong)
         return k * min(target.fmt.width - 1, 4) + max(k, (lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)) / log(2))

@@ -53,13 +53,13 @@ def wrap_column(x, width, signed):
     return np.where(low > (mask >> 1), low - mask - 1, low) if signed else low
 
 
-def permute_bits(x, bits):
+def permute_bits(x, source_bits):
     """Bit k of the result is bit bits[k] of `x`; the result is unsigned."""
-    result = x & ((1 << len(bits)) - 1)
-    for k, bit in enumerate(bits):
-        if bit != k:
-            result = result ^ (((x >> bit ^ x >> k) & 1) << k)
-    return result
+    permuted = x & ((1 << len(source_bits)) - 1)
+    for k, source_bit in enumerate(source_bits):
+        if source_bit != k:
+            permuted = permuted ^ (((x >> source_bit ^ x >> k) & 1) << k)
+    return permuted
 
 
 ROUNDINGS = ("floor", "ceil", "toward_zero", "half_up", "half_down", "half_even", "half_away", "half_zero")
@@ -99,7 +99,7 @@ OPERATIONS = {
 }
 
 
-def range_width(lo, hi):
+def least_width(lo, hi):
     """Least width that holds lo .. hi: signed unless lo is 0 or more."""
     if lo >= 0:
         return max(int(hi).bit_length(), 1)
@@ -159,11 +159,11 @@ class Net:
 
     def substitute(self, node, swaps):
         """The node of the model with other nodes in the place of some in it: {id: node}."""
-        new_nodes, sites = dict(swaps), sum(1 << k for k in swaps)
+        node_by_id, sites = dict(swaps), sum(1 << k for k in swaps)
         for n in self.cone_nodes(node):
             if n.id not in swaps and n.cone & sites:
-                new_nodes[n.id] = self.node(n.op, [new_nodes.get(a.id, a) for a in n.args], n.value, "")
-        return new_nodes.get(node.id, node)
+                node_by_id[n.id] = self.node(n.op, [node_by_id.get(a.id, a) for a in n.args], n.value, "")
+        return node_by_id.get(node.id, node)
 
     def enabled_register(self, load, node, reset=0, rst=None):
         """A register that takes a node where `load` is not 0, and `reset` where the block, or `rst`, resets it."""
@@ -189,12 +189,12 @@ class Net:
             for k, a in enumerate(node.args):
                 self.users.setdefault(a.id, []).append((node, k))
         for name, root in self.roots.items():
-            pending = [(root.args[0], 2) if root.op == "next" else (root, 0)]
-            while pending:
-                node, k = pending.pop()
+            pending_arguments = [(root.args[0], 2) if root.op == "next" else (root, 0)]
+            while pending_arguments:
+                node, k = pending_arguments.pop()
                 child = node.args[k]
                 if child.op == "mux":
-                    pending += [(child, 1), (child, 2)]
+                    pending_arguments += [(child, 1), (child, 2)]
                 if child.value != name or child.op != "reg":
                     self.loads.setdefault((node.id, k), name)
 
@@ -223,8 +223,8 @@ class Net:
 
     def counts(self, register):
         """Whether the next value of a register is itself plus or minus a constant somewhere."""
-        nodes = self.cone_nodes(self.roots[register.value])
-        return any(n.op in ("add", "sub") and n.args[0] is register and n.args[1].op == "const" for n in nodes)
+        cone_nodes = self.cone_nodes(self.roots[register.value])
+        return any(n.op in ("add", "sub") and n.args[0] is register and n.args[1].op == "const" for n in cone_nodes)
 
     def leaf_format(self, leaf):
         """Format of a register or an input."""
@@ -236,7 +236,7 @@ class Net:
             return self.leaf_format(node).width
         if node.op == "param":
             return self.fmts[f"parameter {node.value[0]}"].width
-        return range_width(node.lo, node.hi)
+        return least_width(node.lo, node.hi)
 
     def cone_nodes(self, node):
         """Nodes of the model that a node is made of, itself included, arguments first."""
@@ -248,9 +248,9 @@ class Net:
         return nodes
 
 
-def _corners(operation, a, b):
-    values = [operation(x, y) for x in (a.lo, a.hi) for y in (b.lo, b.hi)]
-    return min(values), max(values)
+def _corners(binary_function, a, b):
+    corner_values = [binary_function(x, y) for x in (a.lo, a.hi) for y in (b.lo, b.hi)]
+    return min(corner_values), max(corner_values)
 
 
 def _bits_range(a, b):
@@ -262,8 +262,8 @@ def _bits_range(a, b):
 
 def _shift_range(a, n, is_shl):
     amounts = [min(max(k, 0), MOST_SHIFT) for k in (n.lo, n.hi)]
-    values = [(v << k) if is_shl else (v >> k) for v in (a.lo, a.hi) for k in amounts]
-    return min(values), max(values)
+    shifted_values = [(v << k) if is_shl else (v >> k) for v in (a.lo, a.hi) for k in amounts]
+    return min(shifted_values), max(shifted_values)
 
 
 def _bounds(net, n):
@@ -279,8 +279,8 @@ def _bounds(net, n):
     if op in (*COMPARED, "not"):
         return 0, 1
     if op in ("add", "sub", "mul"):
-        operation = {"add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y}[op]
-        return _corners(operation, *a)
+        binary_function = {"add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y}[op]
+        return _corners(binary_function, *a)
     if op == "neg":
         return -a[0].hi, -a[0].lo
     if op == "inv":

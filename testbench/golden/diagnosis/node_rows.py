@@ -1,7 +1,7 @@
 """Values of a net's nodes on rows: all of them once, and a root again where some nodes are replaced by others.
 
-    node_column(node)                column of the node over all rows
-    faulty_values(root, faults, at)  values of the root at the rows `at`, with `by` for `site` for each (site, by)
+    node_column(node)                     column of the node over all rows
+    values_with_faults(root, faults, at)  values of the root at the rows `at`, with `by` for `site` for each (site, by)
 
 `by` may be values already, of several hypotheses: an array (hypotheses, rows) gives one of that shape.
 What stands for a site may read the site itself: there it is sound. A "held" node is a register beside those of the
@@ -16,7 +16,7 @@ from testbench.golden.diagnosis.net import OPERATIONS, permute_bits
 TIMED = ("held", "ahead", "odd")
 
 
-def apply_node(node, args):
+def apply_operation(node, args):
     """Column of a node from the columns of its arguments; not for leaves and held nodes."""
     if node.op == "table":
         words = np.array(node.value, np.int64)
@@ -26,7 +26,7 @@ def apply_node(node, args):
     return OPERATIONS[node.op][0](*args)
 
 
-def _register_column(load, x, rst, reset):
+def _enabled_register_column(load, x, rst, reset):
     """Column of a register: what `x` was in the last row before with a load, or `reset` where that was a reset."""
     event = (load != 0) | (rst != 0)
     last = np.maximum.accumulate(np.where(event, np.arange(len(x)), -1))
@@ -49,7 +49,7 @@ class Rows:
         self.net, self.leaves, self.count = net, leaves, count
         self.columns, self._ranges = {}, {}
 
-    def value_range(self, node):
+    def observed_range(self, node):
         """(least, largest) value of a node."""
         if node.id not in self._ranges:
             column = self.node_column(node)
@@ -73,13 +73,13 @@ class Rows:
             return _odd(*args)
         if node.op == "ahead":
             return np.append(args[0][1:], args[0][-1:])
-        return _register_column(*args, node.value) if node.op == "held" else apply_node(node, args)
+        return _enabled_register_column(*args, node.value) if node.op == "held" else apply_operation(node, args)
 
     @staticmethod
     def _constant_value(node):
         return node.value if node.op == "const" else node.value[1]
 
-    def row_values(self, node, at):
+    def node_values(self, node, at):
         """Values of a node at some rows; the column of what is not of the model is not kept."""
         column = self.columns.get(node.id)
         if column is not None:
@@ -88,11 +88,11 @@ class Rows:
             return np.int64(self._constant_value(node))
         if node.id < self.net.model_size or node.op in TIMED or not node.args:
             return self.node_column(node)[at]
-        return apply_node(node, [self.row_values(a, at) for a in node.args])
+        return apply_operation(node, [self.node_values(a, at) for a in node.args])
 
-    def faulty_values(self, root, faults, at):
+    def values_with_faults(self, root, faults, at):
         """Values of `root` at the rows `at` with `by` in the place of `site` for each (site, by)."""
-        cache = {}
+        cached_values = {}
 
         def value(node, live):
             for k in live:
@@ -101,11 +101,11 @@ class Rows:
                     return by if isinstance(by, np.ndarray) else value(by, tuple(n for n in live if n != k))
             live = tuple(k for k in live if node.cone >> faults[k][0].id & 1)
             if not live or node.op in TIMED:
-                return self.row_values(node, at)
+                return self.node_values(node, at)
             key = node.id, live
-            if key not in cache:
-                cache[key] = apply_node(node, [value(a, live) for a in node.args])
-            return cache[key]
+            if key not in cached_values:
+                cached_values[key] = apply_operation(node, [value(a, live) for a in node.args])
+            return cached_values[key]
 
         return value(root, tuple(range(len(faults)))) + np.zeros(
             self.count if isinstance(at, slice) else len(at), np.int64

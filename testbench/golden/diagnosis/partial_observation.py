@@ -17,7 +17,7 @@ from testbench.golden.diagnosis.node_rows import Rows
 from testbench.golden.diagnosis.perturb import Hypothesis, node_hypotheses, with_argument
 from testbench.golden.diagnosis.perturb_control import is_reset_choice
 
-BEFORE, AFTER = 800, 2000  # rows before and behind the first difference
+ROWS_BEFORE, ROWS_AFTER = 800, 2000  # rows before and behind the first difference
 MOST_RUN = 3000  # hypotheses that are run: of each cause the cheapest ones, as many of each
 
 
@@ -31,7 +31,7 @@ def _interleave_causes(activations):
     return [activations[k] for k in sorted(range(len(activations)), key=lambda k: turns[k])]
 
 
-class PartialObservation:
+class HiddenRegisterSearch:
     """The visible rows of a design against a net.
 
     leaves    {("in" or "reg", name): golden column}
@@ -43,7 +43,7 @@ class PartialObservation:
         self.visible = [name for name in net.roots if name in got]
         wrong = np.logical_or.reduce([care[name] & (got[name] != expected[name]) for name in self.visible])
         first = int(np.argmax(wrong))
-        window = slice(max(first - BEFORE, 0), first + AFTER)
+        window = slice(max(first - ROWS_BEFORE, 0), first + ROWS_AFTER)
         self.begin, self.first = window.start, first - window.start
         self.wrong = wrong[window]
         self.count = len(self.wrong)
@@ -59,13 +59,13 @@ class PartialObservation:
     def _active_hypotheses(self, node):
         """(hypotheses at a node, first row of each where it differs): those that differ before what is seen."""
         row_numbers = np.arange(self.first + 1)
-        was = self.rows.row_values(node, row_numbers) + np.zeros(len(row_numbers), np.int64)
+        was = self.rows.node_values(node, row_numbers) + np.zeros(len(row_numbers), np.int64)
         hypotheses, rows = [], []
-        words = condition_hypotheses.word_hypotheses(self.net, node)
-        for h in (*node_hypotheses(self.net, node, self.rows.value_range), *words):
+        words = condition_hypotheses.condition_bit_hypotheses(self.net, node)
+        for h in (*node_hypotheses(self.net, node, self.rows.observed_range), *words):
             if any(n.op == "ahead" for n in (h.by, *h.by.args, *[b for a in h.by.args for b in a.args])):
                 continue
-            differs = self.rows.row_values(h.by, row_numbers) != was
+            differs = self.rows.node_values(h.by, row_numbers) != was
             if differs.any():
                 hypotheses.append(h)
                 rows.append(int(row_numbers[np.argmax(differs)]))
@@ -79,26 +79,26 @@ class PartialObservation:
                 Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(self.net, node, 1, value), 0)
             ]
         else:
-            resets = [h for h in node_hypotheses(self.net, node, self.rows.value_range) if h.cause == "reset"]
+            resets = [h for h in node_hypotheses(self.net, node, self.rows.observed_range) if h.cause == "reset"]
         indices = [k for k, h in enumerate(hypotheses) if h.cause != "reset"]
         return [*resets, *(hypotheses[k] for k in indices)], np.array([*[0] * len(resets), *firsts[indices]], np.int64)
 
     def _consistent_hypotheses(self, node, hypotheses, firsts):
         """Those of the hypotheses at a node that give, where first active, what is seen."""
-        consistent = np.ones(len(hypotheses), bool)
+        consistent_mask = np.ones(len(hypotheses), bool)
         by = np.array(
-            [np.sum(self.rows.row_values(h.by, firsts[k : k + 1])) for k, h in enumerate(hypotheses)], np.int64
+            [np.sum(self.rows.node_values(h.by, firsts[k : k + 1])) for k, h in enumerate(hypotheses)], np.int64
         )
         for name in self.visible:
             root, fmt = self.net.roots[name], self.net.fmts[name]
             if not root.cone >> node.id & 1:
                 continue
-            value = wrap_column(self.rows.faulty_values(root, ((node, by),), firsts), fmt.width, bool(fmt.s))
+            value = wrap_column(self.rows.values_with_faults(root, ((node, by),), firsts), fmt.width, bool(fmt.s))
             rows = np.minimum(firsts + (root.op == "next"), self.count - 1)
-            consistent &= (
+            consistent_mask &= (
                 (value == self.got[name][rows]) | ~self.care[name][rows] | (is_reset_choice(node) & (firsts == 0))
             )
-        return [(h, int(row)) for h, row, is_consistent in zip(hypotheses, firsts, consistent) if is_consistent]
+        return [(h, int(row)) for h, row, is_consistent in zip(hypotheses, firsts, consistent_mask) if is_consistent]
 
     def async_reset_port(self):
         """The first port at fault if the whole block is reset in the row of its reset, before the edge; else None."""
@@ -125,11 +125,11 @@ class PartialObservation:
         for node in self.net.nodes[: self.net.model_size]:
             if node.op in ("const", "next", "pin") and not node.args:
                 continue
-            hypotheses, first_rows = self._active_hypotheses(node)
+            hypotheses, activation_rows = self._active_hypotheses(node)
             if is_reset_choice(node) and self.begin == 0:
-                hypotheses, first_rows = self._replace_reset_hypotheses(node, hypotheses, first_rows)
+                hypotheses, activation_rows = self._replace_reset_hypotheses(node, hypotheses, activation_rows)
             if hypotheses:
-                activations += self._consistent_hypotheses(node, hypotheses, first_rows)
+                activations += self._consistent_hypotheses(node, hypotheses, activation_rows)
         activations = _interleave_causes(activations)
         inputs = sorted({n.value for n in self.net.nodes[: self.net.model_size] if n.op == "in"})
         input_rows = np.stack([self.leaves["in", name] for name in inputs], axis=1).tolist()
@@ -147,8 +147,8 @@ class PartialObservation:
             state = [int(self.leaves["reg", name][row]) for name in registers]
             if row == 0 == self.begin and is_reset_choice(h.site) and h.cause == "reset" and h.by.args[1].op == "const":
                 state[registers.index(h.site.value)] = h.by.args[1].value
-            added_values = [int(self.rows.node_column(node)[row]) for node in added_registers]
-            end = run(by, tuple(state), added_values, input_rows, row, self.count, want)
+            added_register_values = [int(self.rows.node_column(node)[row]) for node in added_registers]
+            end = run(by, tuple(state), added_register_values, input_rows, row, self.count, want)
             share = np.count_nonzero(self.wrong[:end]) / total
             if share > 0:
                 out.append((h, share))

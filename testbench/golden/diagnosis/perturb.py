@@ -1,8 +1,8 @@
 """What could be built wrongly at a node of the model: hypotheses, each a node in the place of another.
 
-    node_hypotheses(net, node, value_range) --> Hypothesis(cause, what, site, by, cost)     site is the node itself
+    node_hypotheses(net, node, observed_range) --> Hypothesis(cause, what, site, by, cost)     site is the node itself
 
-`value_range` gives the range of a node on the rows. An operand is varied in the node that uses it, so that other uses
+`observed_range` gives that of a node on the rows. An operand is varied in the node that uses it, so that other uses
 keep it; a node with several uses is varied for all of them where it is the site. `cost` orders what explains the same
 rows.
 Source  docs/diagnosis.md
@@ -68,12 +68,12 @@ MOST_INSIDE = 40  # nodes of what is loaded, beyond which a leaf is only varied 
 SOURCES = (perturb_arithmetic.arithmetic_operands, perturb_control.control_operands, perturb_bits.bit_operands)
 
 
-TEST_BIT_COST = 2  # what another bit in a condition does goes by that name: docs/diagnosis.md
+BIT_TEST_COST = 2  # what another bit in a condition does goes by that name: docs/diagnosis.md
 NO_TEST = ("condition", "comparison", "priority", "late", "early", "signedness")
 
 
 FAR = 12  # cost from which a hypothesis is no cause by itself: it only makes a name uncertain
-PARAMETER_COST = 2  # a comparison of parameters alone is right or wrong in every row
+PARAMETER_TEST_COST = 2  # a comparison of parameters alone is right or wrong in every row
 
 
 def _compares_parameters(node):
@@ -92,21 +92,21 @@ def _reads_a_bit(net, node):
     return node.op in COMPARED and node.args[0].op in ("reg", "in")
 
 
-def _operations(net, node, value_range):
-    yield from perturb_arithmetic.arithmetic_operations(net, node, value_range)
-    yield from perturb_control.control_operations(net, node)
-    yield from perturb_bits.bit_operations(net, node)
+def _operations(net, node, observed_range):
+    yield from perturb_arithmetic.arithmetic_operation_variants(net, node, observed_range)
+    yield from perturb_control.control_operation_variants(net, node)
+    yield from perturb_bits.bit_operation_variants(net, node)
 
 
-def _variants(net, node, value_range):
+def _all_variants(net, node, observed_range):
     """(cause, what, node, extra cost) in the place of `node`."""
-    yield from _operations(net, node, value_range)
+    yield from _operations(net, node, observed_range)
     for k, child in enumerate(node.args if node.op != "next" else ()):
         if len(net.users[child.id]) > 1 and child.args:
-            for cause, what, new, cost in _operations(net, child, value_range):
+            for cause, what, new, cost in _operations(net, child, observed_range):
                 yield cause, what, with_argument(net, node, k, new), cost
         for source in SOURCES:
-            for cause, what, new, cost in source(net, node, k, child, value_range):
+            for cause, what, new, cost in source(net, node, k, child, observed_range):
                 yield cause, what, with_argument(net, node, k, new), cost
         if perturb_loads.keeps_register(net, node, k):
             for cause, what, new, cost in perturb_loads.hold_variants(net, child):
@@ -119,52 +119,52 @@ def _variants(net, node, value_range):
             conditions = net.load_conditions.get((node.id, k), ())
             for cause, what, new, cost in perturb_loads.load_variants(net, node, k, child, conditions):
                 yield cause, what, with_argument(net, node, k, new), cost
-            for cause, what, new, cost in _leaf_variants(net, child, value_range):
+            for cause, what, new, cost in _leaf_variants(net, child, observed_range):
                 yield cause, what, with_argument(net, node, k, new), cost + 1
     for root in net.roots_by_value.get(node.id, ()):
         yield from perturb_loads.leaf_exchanges(net, root)
-        yield from _repeated_load_variants(net, root, node, value_range)
-        yield from _twin_variants(net, root, node, value_range)
+        yield from _repeated_load_variants(net, root, node, observed_range)
+        yield from _twin_variants(net, root, node, observed_range)
     users = net.users.get(node.id, ())
     if len(users) > 1:
         for source in SOURCES:
-            for cause, what, new, cost in source(net, *users[0], node, value_range):
+            for cause, what, new, cost in source(net, *users[0], node, observed_range):
                 yield cause, what, new, cost + 1
 
 
-def _repeated_load_variants(net, root, node, value_range):
+def _repeated_load_variants(net, root, node, observed_range):
     """What several branches of a register load, varied in all of them."""
     for loaded, choice, k in perturb_loads.repeated_loads(net, root):
-        ways = [source(net, choice, k, loaded, value_range) for source in SOURCES]
-        ways.append(_operations(net, loaded, value_range) if loaded.args else ())
+        ways = [source(net, choice, k, loaded, observed_range) for source in SOURCES]
+        ways.append(_operations(net, loaded, observed_range) if loaded.args else ())
         for cause, what, new, cost in itertools.chain(*ways):
             by = perturb_loads.in_all_branches(net, node, loaded, new)
             yield cause, f"{what} in all branches", by, cost
 
 
-def _twin_variants(net, root, node, value_range):
+def _twin_variants(net, root, node, observed_range):
     """The same mistake in each place of an expression that the model calls several times."""
     for twin_nodes in perturb_loads.twins(net, root):
-        variants = []
+        twin_variants = []
         for twin in twin_nodes:
             if twin.id not in net.node_variants:
-                net.node_variants[twin.id] = list(_node_variants(net, twin, value_range))
-            variants.append(net.node_variants[twin.id])
-        for ways in zip(*variants, strict=False):
+                net.node_variants[twin.id] = list(_single_twin_variants(net, twin, observed_range))
+            twin_variants.append(net.node_variants[twin.id])
+        for ways in zip(*twin_variants, strict=False):
             if len({way[0] for way in ways}) == 1:
                 swaps = {twin.id: way[2] for twin, way in zip(twin_nodes, ways)}
                 yield ways[0][0], f"{ways[0][1]} in all calls", net.substitute(node, swaps), ways[0][3]
 
 
-def _node_variants(net, node, value_range):
+def _single_twin_variants(net, node, observed_range):
     """What `_twin_variants` tries at a node: another operation, or another value of an operand."""
-    yield from _operations(net, node, value_range)
+    yield from _operations(net, node, observed_range)
     for k, child in enumerate(node.args):
-        for cause, what, new, cost in perturb_arithmetic.arithmetic_operands(net, node, k, child, value_range):
+        for cause, what, new, cost in perturb_arithmetic.arithmetic_operands(net, node, k, child, observed_range):
             yield cause, what, with_argument(net, node, k, new), cost
 
 
-def _leaf_variants(net, loaded, value_range):
+def _leaf_variants(net, loaded, observed_range):
     """A register or input varied wherever what is loaded uses it: more than once, or in what others use as well."""
     inside = net.cone_nodes(loaded)
     for leaf in inside if len(inside) <= MOST_INSIDE else ():
@@ -172,21 +172,21 @@ def _leaf_variants(net, loaded, value_range):
         shared = len(uses) > 1 or any(len(net.users.get(n.id, ())) > 1 for n, _ in uses)
         if leaf.op in ("reg", "in") and shared:
             for source in SOURCES:
-                for cause, what, new, cost in source(net, *uses[0], leaf, value_range):
+                for cause, what, new, cost in source(net, *uses[0], leaf, observed_range):
                     yield cause, f"{what} wherever it is used", net.substitute(loaded, {leaf.id: new}), cost
 
 
-def node_hypotheses(net, node, value_range):
+def node_hypotheses(net, node, observed_range):
     """Hypotheses at one node, without doubles: two causes may stand for the same node."""
     perturb_loads.prepare(net)
-    cheapest, reads_a_bit = {}, _reads_a_bit(net, node)
-    parameter_cost = PARAMETER_COST if _compares_parameters(node) else 0
-    for cause, what, by, cost in _variants(net, node, value_range):
+    cheapest_by_key, reads_a_bit = {}, _reads_a_bit(net, node)
+    parameter_test_cost = PARAMETER_TEST_COST if _compares_parameters(node) else 0
+    for cause, what, by, cost in _all_variants(net, node, observed_range):
         if by is node:
             continue
-        rare = parameter_cost + (TEST_BIT_COST if cause not in NO_TEST and reads_a_bit else 0)
+        rare = parameter_test_cost + (BIT_TEST_COST if cause not in NO_TEST and reads_a_bit else 0)
         hypothesis = Hypothesis(cause, what, node, by, 4 * (cost + rare) + RANK[cause] // 8)
         key = cause, by.id
-        if key not in cheapest or hypothesis.cost < cheapest[key].cost:
-            cheapest[key] = hypothesis
-    return list(cheapest.values())
+        if key not in cheapest_by_key or hypothesis.cost < cheapest_by_key[key].cost:
+            cheapest_by_key[key] = hypothesis
+    return list(cheapest_by_key.values())

@@ -6,7 +6,7 @@ Source  docs/diagnosis.md
 
 from fpga_model.rounding_aliases import ALIASES
 from testbench.golden.diagnosis.elaborate import static
-from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, range_width
+from testbench.golden.diagnosis.net import COMPARED, ROUNDINGS, least_width
 
 NARROWED = ("add", "sub", "mul", "shl", "neg", "abs", "mux", "clamp", *ROUNDINGS)
 CUT = ("add", "sub", "mul", "neg", "abs", "shl", *ROUNDINGS, *COMPARED)  # operations whose operands may be too narrow
@@ -29,7 +29,7 @@ def number(node):
     return not is_flag(node) and node.op not in ("const", "param")
 
 
-def arithmetic_operations(net, node, value_range):
+def arithmetic_operation_variants(net, node, observed_range):
     """Another operation on the same operands."""
     op, a = node.op, node.args
     if op == "add":
@@ -58,7 +58,7 @@ def arithmetic_operations(net, node, value_range):
     if op == "abs":
         yield "sign", f"{a[0]!r}", a[0], 0
         yield "sign", f"-{node!r}", net.node("neg", (node,)), 0
-        yield "complement", f"~{a[0]!r}", net.node("mux", (_negative_flag(net, a[0]), net.node("inv", a), a[0])), 0
+        yield "complement", f"~{a[0]!r}", net.node("mux", (_sign_node(net, a[0]), net.node("inv", a), a[0])), 0
     if op in ROUNDINGS or op == "shr":
         yield from _rounding(net, node)
     if op in ("shl", "shr", *ROUNDINGS):
@@ -68,14 +68,14 @@ def arithmetic_operations(net, node, value_range):
     if op in ORDERED and min(a[0].lo, a[1].lo) < 0:
         yield "signedness", f"{node!r} of unsigned values", net.node(op, _unsigned(net, a)), 0
     if op == "clamp":
-        yield from _limits(net, node, value_range)
+        yield from _limits(net, node, observed_range)
         if min(x.lo for x in a) < 0:
             x, lo, hi = _unsigned(net, a)
-            is_less, is_greater = net.node("lt", (x, lo)), net.node("gt", (x, hi))
-            inner = net.node("mux", (is_greater, a[2], a[0]))
-            yield "signedness", "compared as unsigned", net.node("mux", (is_less, a[1], inner)), 0
+            unsigned_less, unsigned_greater = net.node("lt", (x, lo)), net.node("gt", (x, hi))
+            inner = net.node("mux", (unsigned_greater, a[2], a[0]))
+            yield "signedness", "compared as unsigned", net.node("mux", (unsigned_less, a[1], inner)), 0
             signed = net.node("mux", (net.node("gt", (a[0], a[2])), a[2], a[0]))
-            yield "signedness", "lo compared as unsigned", net.node("mux", (is_less, a[1], signed)), 0
+            yield "signedness", "lo compared as unsigned", net.node("mux", (unsigned_less, a[1], signed)), 0
             signed = net.node("lt", a[:2])
             yield "signedness", "hi compared as unsigned", net.node("mux", (signed, a[1], inner)), 0
         yield from _saturating_count(net, node)
@@ -97,15 +97,15 @@ def arithmetic_operations(net, node, value_range):
             )
 
 
-def _as_signed(net, total, width, signed):
+def _as_signed(net, sum_node, width, signed):
     """A sum modulo 2**width that saturates as one of signed values."""
-    if total.op in ("add", "sub") and width <= 61:
+    if sum_node.op in ("add", "sub") and width <= 61:
         width_node = net.const(width)
-        parts = [net.node("wrap", (part, width_node)) for part in total.args]
+        parts = [net.node("wrap", (part, width_node)) for part in sum_node.args]
         half = 1 << (width - 1)
         limits = net.const(-half), net.const(half - 1)
-        clamped = net.node("clamp", (net.node(total.op, parts), *limits))
-        by = clamped if signed else net.node("wrapu", (clamped, width_node))
+        clamped_node = net.node("clamp", (net.node(sum_node.op, parts), *limits))
+        by = clamped_node if signed else net.node("wrapu", (clamped_node, width_node))
         yield "saturate", f"at {-half} and {half - 1}, as signed", by, 0
 
 
@@ -119,13 +119,13 @@ def _one_saturated(net, node, lo, hi):
         yield "saturate", f"{chosen.args[k]!r} at {lo!r} and {hi!r}", by, 0
 
 
-def _saturated_loads(net, total, fmt):
+def _saturated_loads(net, sum_node, fmt):
     """A sum that is loaded: it saturates at the limits of its register."""
-    if total.op in ("add", "sub", "neg") and 1 < fmt.width <= 61:
+    if sum_node.op in ("add", "sub", "neg") and 1 < fmt.width <= 61:
         limits = net.const(fmt.lo), net.const(fmt.hi)
-        yield "saturate", f"{total!r} at {fmt.lo} and {fmt.hi}", net.node("clamp", (total, *limits)), 0
+        yield "saturate", f"{sum_node!r} at {fmt.lo} and {fmt.hi}", net.node("clamp", (sum_node, *limits)), 0
         if not fmt.s:
-            yield from _as_signed(net, total, fmt.width, False)
+            yield from _as_signed(net, sum_node, fmt.width, False)
 
 
 def _saturating_count(net, node):
@@ -144,7 +144,7 @@ def _unsigned(net, nodes):
     return tuple(net.node("wrapu", (n, net.const(width))) for n in nodes)
 
 
-def _negative_flag(net, x):
+def _sign_node(net, x):
     return net.node("lt", (x, net.const(0)))
 
 
@@ -155,10 +155,10 @@ def _rounding(net, node):
         return
     if x.lo < 0:
         added = net.node("shr", (net.node("shl", (net.const(1), n)), net.const(1)))
-        total = net.node("add", (x, added)) if node.op == "half_up" else x
+        sum_node = net.node("add", (x, added)) if node.op == "half_up" else x
         for width in (net.node_width(x), net.node_width(x) + 1):
             if width <= 62 and node.op in ("half_up", "shr", "floor"):
-                logical = net.node("shr", (net.node("wrapu", (total, net.const(width))), n))
+                logical = net.node("shr", (net.node("wrapu", (sum_node, net.const(width))), n))
                 yield "signedness", f"logical shift of {width} bits", logical, 1
     model_rule = "floor" if node.op == "shr" else node.op
     if node.op == "shr" and (is_flag(node) or x.op in ("const", "param", "table")):
@@ -172,7 +172,7 @@ def _rounding(net, node):
             yield "rounding", f"{_rule_label(rule)}, to one bit more before", net.node(rule, (before, one)), 0
 
 
-def _limits(net, node, value_range):
+def _limits(net, node, observed_range):
     x, lo, hi = node.args
     one = net.const(1)
     for k, (limit, name) in enumerate(((lo, "lo"), (hi, "hi"))):
@@ -189,8 +189,8 @@ def _limits(net, node, value_range):
         outside = net.node("gt" if k else "lt", (x, limit))
         yield "limit", f"beyond {name} to the other one", net.node("mux", (outside, hi if k == 0 else lo, node)), 1
         yield "limit", f"no {name}", net.node("mux", (outside, x, node)), 1
-    lowest, highest = value_range(node)
-    widths = {range_width(lowest, highest), range_width(lo.lo, hi.hi), range_width(lo.lo, hi.hi) + 1}
+    lowest, highest = observed_range(node)
+    widths = {least_width(lowest, highest), least_width(lo.lo, hi.hi), least_width(lo.lo, hi.hi) + 1}
     yield "wrap", "without a limit", x, 0
     for width in sorted(widths):
         for op in ("wrap",) if lo.lo < 0 else ("wrapu", "wrap"):
@@ -210,7 +210,7 @@ def _off_by_one_cause(node):
     return {"clamp": "limit"}.get(node.op, "comparison" if node.op in COMPARED else "constant")
 
 
-def arithmetic_operands(net, node, k, child, value_range):
+def arithmetic_operands(net, node, k, child, observed_range):
     """Another value as operand k."""
     in_condition = node.op in ("land", "lor", "not") or (node.op == "mux" and k == 0)
     chosen_flag = node.op == "mux" and node.value is None and is_flag(node)
@@ -258,10 +258,10 @@ def arithmetic_operands(net, node, k, child, value_range):
             yield "constant", f"{child!r} {step:+d}", net.node("add", (child, net.const(step))), 1
         yield "complement", f"~({child!r})", net.node("inv", (child,)), 2
     if child.op in NARROWED or (child.op in ("reg", "in", "param") and node.op in CUT):
-        yield from _width_changes(net, child, value_range)
+        yield from _narrower_operands(net, child, observed_range)
     elif (node.id, k) in net.loads and net.fmts[net.loads[node.id, k]].width > 2:
         yield from _narrower_loads(net, child, net.fmts[net.loads[node.id, k]])
-    if any(user.op == "sub" and argument == 1 for user, argument in net.users.get(child.id, ())):
+    if any(user.op == "sub" and argument_index == 1 for user, argument_index in net.users.get(child.id, ())):
         minus = net.node("add", (child, net.const(1)))
         yield "complement", f"~{child!r} for its opposite, also where it is compared", minus, 1
 
@@ -285,13 +285,13 @@ def _narrower_loads(net, child, fmt):
             yield "width", f"{child!r} in {width} bits", by, lost - 1
 
 
-def _narrowed_before(net, child, value_range):
+def _narrowed_before(net, child, observed_range):
     """A rounded value whose sum with the rounding constant has too few bits."""
     x, n = child.args
     half = net.node("shr", (net.node("shl", (net.const(1), n)), net.const(1)))
-    total, need = net.node("add", (x, half)), range_width(*value_range(x))
+    sum_node, need = net.node("add", (x, half)), least_width(*observed_range(x))
     for width in sorted({*range(max(need - 3, 2), need), *(w for w in WORDS if w < need)}):
-        cut = net.node("wrap" if x.lo < 0 else "wrapu", (total, net.const(width)))
+        cut = net.node("wrap" if x.lo < 0 else "wrapu", (sum_node, net.const(width)))
         yield "width", f"{x!r} and its rounding constant in {width} bits", net.node("shr", (cut, n)), 1
 
 
@@ -299,21 +299,21 @@ WORDS = (8, 12, 16, 24, 32, 48)  # widths of words elsewhere
 MOST_LOW = 4  # bits that an operand may lack below
 
 
-def _width_changes(net, child, value_range):
+def _narrower_operands(net, child, observed_range):
     """Fewer bits than the values need: some on top, those beyond a usual word, or some below."""
-    lowest, highest = value_range(child)
-    need, signed = range_width(lowest, highest), lowest < 0
+    lowest, highest = observed_range(child)
+    need, signed = least_width(lowest, highest), lowest < 0
     if child.op == "half_up":
-        yield from _narrowed_before(net, child, value_range)
+        yield from _narrowed_before(net, child, observed_range)
     rare = child.op == "mux"
     for width in sorted({*range(max(need - 4, 2), need), *(w for w in WORDS if w < need)}, reverse=True):
-        is_likely = width in WORDS or need - width < 2
+        is_likely_width = width in WORDS or need - width < 2
         for op in ("wrap", "wrapu"):
             other = (op == "wrap") != signed
-            cost = (0 if is_likely else need - 1 - width if need - width < 4 else 3) + rare + other
+            cost = (0 if is_likely_width else need - 1 - width if need - width < 4 else 3) + rare + other
             sign = f"{'un' if op == 'wrapu' else ''}signed" if other else ""
             yield "width", f"{child!r} in {width} bits {sign}".rstrip(), net.node(op, (child, net.const(width))), cost
     for low in range(1, MOST_LOW + 1):
-        shift = net.const(low)
-        cut = net.node("shl", (net.node("shr", (child, shift)), shift))
+        shift_node = net.const(low)
+        cut = net.node("shl", (net.node("shr", (child, shift_node)), shift_node))
         yield "width", f"{child!r} without {low} low bits", cut, 2 if low < 3 else 3

@@ -13,7 +13,7 @@ def _one(node):
     return node.op == "const" and node.value == 1
 
 
-def bit_operations(net, node):
+def bit_operation_variants(net, node):
     """A shift register that runs the other way."""
     op, a = node.op, node.args
     if op == "shl" and a[0].op == "reg" and _one(a[1]):
@@ -38,30 +38,30 @@ def bit_operations(net, node):
                     0,
                 )
     if op == "and" and _one(a[1]) and a[0].op == "shr":
-        word, position = a[0].args
+        word, position_node = a[0].args
         if word.op == "reg":
             yield "bit_order", "sends the LSB", net.node("and", (word, a[1])), 0
-        yield from _other_bits(net, word, static(position), a[1])
+        yield from _other_bits(net, word, static(position_node), a[1])
 
 
-def _other_bits(net, word, position, one):
+def _other_bits(net, word, bit_position, one):
     """Another bit of the word of which one is read; a place whose sign is wrong ends modulo the size of an index."""
     width = net.node_width(word)
-    for bit in range(min(width, 62)) if position is not None else ():
+    for bit in range(min(width, 62)) if bit_position is not None else ():
         by = net.node("and", (net.node("shr", (word, net.const(bit))), one))
-        if bit != position:
-            yield "operand", f"bit {bit} of {word!r} for bit {position}", by, 2
-        if position and bit == -position % (1 << (width - 1).bit_length()):
-            yield "sign", f"bit {-position} of {word!r}", by, 0
+        if bit != bit_position:
+            yield "operand", f"bit {bit} of {word!r} for bit {bit_position}", by, 2
+        if bit_position and bit == -bit_position % (1 << (width - 1).bit_length()):
+            yield "sign", f"bit {-bit_position} of {word!r}", by, 0
 
 
-def _permute(net, child, bits):
+def _permute(net, child, source_bits):
     """The child with its bits moved, signed as it is."""
-    permuted = net.node("moved", (child,), tuple(bits))
-    return net.node("wrap", (permuted, net.const(len(bits)))) if child.lo < 0 else permuted
+    permuted_node = net.node("moved", (child,), tuple(source_bits))
+    return net.node("wrap", (permuted_node, net.const(len(source_bits)))) if child.lo < 0 else permuted_node
 
 
-def bit_operands(net, node, k, child, value_range):
+def bit_operands(net, node, k, child, observed_range):
     """Operand k with its bits in another order, or one of them stuck."""
     name = net.loads.get((node.id, k))
     leaf, root = child.op in ("reg", "in"), name is not None
@@ -78,14 +78,14 @@ def bit_operands(net, node, k, child, value_range):
         )
     if root and not leaf:
         yield "bit_order", f"{child!r} reversed", _permute(net, child, range(width - 1, -1, -1)), 2 * (width < 8)
-    for bits, what in _exchanges(width):
-        yield "bit_swap", f"{what} of {child!r}", _permute(net, child, bits), 1 if root or width > 4 else 3
+    for source_bits, what in _exchanges(width):
+        yield "bit_swap", f"{what} of {child!r}", _permute(net, child, source_bits), 1 if root or width > 4 else 3
     for bit in range(width) if root else ():
         for other in (bit - 1, bit + 1):
             if 0 <= other < width:
-                bits = list(range(width))
-                bits[bit] = other
-                yield "operand", f"bit {other} of {child!r} for its bit {bit}", _permute(net, child, bits), 2
+                source_bits = list(range(width))
+                source_bits[bit] = other
+                yield "operand", f"bit {other} of {child!r} for its bit {bit}", _permute(net, child, source_bits), 2
     if root:
         for bit in range(width):
             yield "stuck", f"bit {bit} at 0", net.node("and", (child, net.const(~(1 << bit)))), 1
@@ -98,9 +98,9 @@ def _exchanges(width):
     for a in straight:
         for b in range(a + 1, width) if width <= MOST_PAIRS else (a + 1,):
             if b < width:
-                bits = straight.copy()
-                bits[a], bits[b] = b, a
-                yield bits, f"bits {a} and {b}"
+                source_bits = straight.copy()
+                source_bits[a], source_bits[b] = b, a
+                yield source_bits, f"bits {a} and {b}"
     if width % 2 == 0 and width > 2:
         half = width // 2
         yield straight[half:] + straight[:half], "halves"

@@ -8,7 +8,7 @@ from testbench.golden.diagnosis.net import COMPARED, ROOTS, ROUNDINGS
 from testbench.golden.diagnosis.perturb_arithmetic import is_flag
 
 OPPOSITE = {"lt": "ge", "ge": "lt", "le": "gt", "gt": "le", "eq": "ne", "ne": "eq"}
-NEIGHBOURS = {
+NEIGHBOUR_COMPARISONS = {
     "lt": ("le", "ne"),
     "le": ("lt", "eq"),
     "gt": ("ge", "ne"),
@@ -17,7 +17,7 @@ NEIGHBOURS = {
     "ne": ("lt", "gt"),
 }
 MOST_FLAGS = 60
-MOST_DELAY = 4
+MOST_DELAY_CLOCKS = 4
 MOST_MODES = 3  # bits of a mode: a branch of one may be taken in another one as well
 
 
@@ -32,12 +32,12 @@ def is_reset_choice(node):
 
 def condition_flags(net):
     """Conditions that could stand in the place of another one: flags among the leaves, and comparisons."""
-    flags = [n for n in net.nodes[: net.model_size] if n.op in ("reg", "in") and is_flag(n) and not _is_reset(n)]
-    flags += [n for n in net.nodes[: net.model_size] if n.op in COMPARED and len(flags) < MOST_FLAGS]
-    return flags
+    flag_nodes = [n for n in net.nodes[: net.model_size] if n.op in ("reg", "in") and is_flag(n) and not _is_reset(n)]
+    flag_nodes += [n for n in net.nodes[: net.model_size] if n.op in COMPARED and len(flag_nodes) < MOST_FLAGS]
+    return flag_nodes
 
 
-def control_operations(net, node):
+def control_operation_variants(net, node):
     """Another condition, or another order of two."""
     op, a = node.op, node.args
     if is_reset_choice(node):
@@ -49,15 +49,15 @@ def control_operations(net, node):
         for before in (1, 0):
             yield "late", "the reset by 1 clock", net.delayed_reset(node, before), 0
         for e in condition_flags(net):
-            for description, flag in ((f"{e!r}", e), (f"not {e!r}", net.node("not", (e,)))):
-                yield "priority", f"reset only with {description}", net.node("land", (node, flag)), 0
+            for flag_text, flag in ((f"{e!r}", e), (f"not {e!r}", net.node("not", (e,)))):
+                yield "priority", f"reset only with {flag_text}", net.node("land", (node, flag)), 0
     elif len(users) > 1 and all(decides(*user) for user in users):
         yield "condition", f"always {node!r}", net.const(1), 1 if op in COMPARED else 0
         yield "condition", f"never {node!r}", net.const(0), 1 if op in COMPARED else 0
         yield "condition", f"{node!r} inverted", net.node("not", (node,)), 0
         yield from _other_conditions(net, node, 1)
     if op in COMPARED:
-        for other in NEIGHBOURS[op]:
+        for other in NEIGHBOUR_COMPARISONS[op]:
             cost = 0 if other in ("le", "lt", "ge", "gt") and op not in ("eq", "ne") else 1
             yield "comparison", f"{other} for {op}", net.node(other, a), cost
     if op == "eq" and a[1].op == "const" and a[0].op in ("reg", "in") and net.node_width(a[0]) <= MOST_MODES:
@@ -65,9 +65,9 @@ def control_operations(net, node):
             also = net.node("lor", (node, net.node("eq", (a[0], net.const(value)))))
             yield "condition", f"{node!r}, or {value}", also, 0
     if op in ("or", "mux") and not is_reset_choice(node):
-        word = _or_word(node)
-        if word is not None and op == "or":
-            yield "condition", f"always all of {node!r}", net.const(word), 1
+        possible_bits = _possible_bits(node)
+        if possible_bits is not None and op == "or":
+            yield "condition", f"always all of {node!r}", net.const(possible_bits), 1
     if op in ("land", "lor"):
         for k in (0, 1):
             yield "condition", f"{a[k]!r} missing", a[1 - k], 1 if a[k].op in COMPARED else 0
@@ -85,14 +85,14 @@ def control_operations(net, node):
             yield "operand", f"without {a[1 - k]!r}", a[k], 2
 
 
-def _or_word(node):
+def _possible_bits(node):
     """All bits of a word that is an or of choices between constants, or None."""
     if node.op == "const":
         return node.value
     if node.op not in ("or", "mux"):
         return None
-    words = [_or_word(a) for a in (node.args if node.op == "or" else node.args[1:])]
-    return None if None in words else words[0] | words[1]
+    argument_bits = [_possible_bits(a) for a in (node.args if node.op == "or" else node.args[1:])]
+    return None if None in argument_bits else argument_bits[0] | argument_bits[1]
 
 
 def decides(node, k):
@@ -121,24 +121,24 @@ def _reset_variants(net, node):
         if loading.op != "const":
             delayed_load = net.node("mux", (loading, net.enabled_register(loading, b, value.value, cleared), register))
             yield "late", "1 enable", net.node("mux", (cleared, value, delayed_load)), 0
-    delayed, enabled = after, after
+    delayed_value, enabled = after, after
     loads = _loads(net, after, register)
     if after.op == "mux" and register in after.args[1:]:
         c, a, b = after.args
         enable, loaded = (c, a) if b is register else (net.node("not", (c,)), b)
         delayed_load = net.node("mux", (enable, net.enabled_register(enable, loaded, value.value), register))
         yield "late", f"1 enable {enable!r}", net.node("mux", (rst, value, delayed_load)), 0
-    pipelined = after
+    pipelined_value = after
     if loads.op != "const":
         # a register that holds, and behind it others that do not
-        pipelined = net.enabled_register(loads, after, value.value)
-        yield "late", "1 clock", net.node("mux", (rst, value, pipelined)), 0
-    for k in range(1, MOST_DELAY + 1):
-        if pipelined is not after:
-            pipelined = net.enabled_register(net.const(1), pipelined, value.value)
-            yield "late", f"{k + 1} clocks", net.node("mux", (rst, value, pipelined)), 0
-        delayed = net.enabled_register(net.const(1), delayed, value.value)
-        yield "late", f"{k} clock" + "s" * (k > 1), net.node("mux", (rst, value, delayed)), 0
+        pipelined_value = net.enabled_register(loads, after, value.value)
+        yield "late", "1 clock", net.node("mux", (rst, value, pipelined_value)), 0
+    for k in range(1, MOST_DELAY_CLOCKS + 1):
+        if pipelined_value is not after:
+            pipelined_value = net.enabled_register(net.const(1), pipelined_value, value.value)
+            yield "late", f"{k + 1} clocks", net.node("mux", (rst, value, pipelined_value)), 0
+        delayed_value = net.enabled_register(net.const(1), delayed_value, value.value)
+        yield "late", f"{k} clock" + "s" * (k > 1), net.node("mux", (rst, value, delayed_value)), 0
         if loads.op != "const":
             enabled = net.enabled_register(loads, enabled, value.value)
             yield (
@@ -157,13 +157,13 @@ def _reset_variants(net, node):
 
 def _before_the_reset(net, rst, value, after):
     """The reset behind a branch that is not the first one."""
-    passed, remaining = [after.args[:2]], after.args[2]
-    while remaining.op == "mux":
-        c, a, remaining = remaining.args
-        choice = net.node("mux", (rst, value, remaining))
+    passed, remaining_node = [after.args[:2]], after.args[2]
+    while remaining_node.op == "mux":
+        c, a, remaining_node = remaining_node.args
+        choice_node = net.node("mux", (rst, value, remaining_node))
         for branch in reversed(passed):
-            choice = net.node("mux", (*branch, choice))
-        yield "priority", f"{c!r} before the reset", net.node("mux", (c, a, choice)), 1
+            choice_node = net.node("mux", (*branch, choice_node))
+        yield "priority", f"{c!r} before the reset", net.node("mux", (c, a, choice_node)), 1
         passed.append((c, a))
 
 
@@ -216,7 +216,7 @@ def _other_conditions(net, c, cost):
         yield "condition", f"{c!r} and not {e!r}", net.node("land", (c, turned)), cost + 1
 
 
-def control_operands(net, node, k, child, value_range):
+def control_operands(net, node, k, child, observed_range):
     """Operand k a clock late or early, or another one."""
     condition = decides(node, k)
     if child.op == "const" or _is_reset(child) or (is_reset_choice(node) and k == 2):
@@ -239,8 +239,8 @@ def control_operands(net, node, k, child, value_range):
     if child.op != "param" and node.op not in ROOTS and not (child.op in ("reg",) and _holds(net, node, child)):
         yield "late", f"{child!r} by 1 clock", net.delayed_node(child), 0 if not child.args else 1
         if not child.args:
-            delayed = net.delayed_node(child)
-            yield "late", f"{child!r} by 2 clocks", net.delayed_node(delayed), 1
+            delayed_child = net.delayed_node(child)
+            yield "late", f"{child!r} by 2 clocks", net.delayed_node(delayed_child), 1
     if child.op == "reg":
         # in a counter, or compared with a number, it is the same as another number
         doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in (*COMPARED, "table")
@@ -248,8 +248,8 @@ def control_operands(net, node, k, child, value_range):
         yield "early", f"new {child!r} but for the reset", net.roots[child.value].args[0].args[2], 1 if doubtful else 0
     if child.op in ("reg", "in", "param"):
         for other in net.nodes[: net.model_size]:
-            is_comparable = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
-            if other.op in ("reg", "in", "param") and is_comparable and other is not child and not _is_reset(other):
+            is_compatible = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
+            if other.op in ("reg", "in", "param") and is_compatible and other is not child and not _is_reset(other):
                 is_loaded = other.op == "reg" and other.value == net.loads.get((node.id, k))
                 cause = "limit" if node.op == "clamp" and k else "condition" if condition or is_loaded else "operand"
                 yield cause, f"{other!r} in the place of {child!r}", other, 1
@@ -270,10 +270,10 @@ def load_alternatives(net, node, loaded, name):
         for other in (*loadable_values(net, name), *cleared) if loaded.op != "mux" else ():
             if other not in (loaded, register):
                 yield "condition", f"{other!r} where {loaded!r} is loaded", other, 2
-    loaded_values = branches(loaded)
-    for value in dict.fromkeys((*loaded_values, *cleared)) if register in loaded_values else ():
+    branch_values = branches(loaded)
+    for value in dict.fromkeys((*branch_values, *cleared)) if register in branch_values else ():
         if value is not register:
-            yield "condition", f"{value!r} also where {name} is held", _fill_branches(net, loaded, register, value), 1
+            yield "condition", f"{value!r} also where {name} is held", _swap_register(net, loaded, register, value), 1
 
 
 def loadable_values(net, name):
@@ -282,11 +282,11 @@ def loadable_values(net, name):
     return tuple(dict.fromkeys(branches(root.args[2] if is_reset_choice(root) else root)))
 
 
-def _fill_branches(net, node, register, value):
+def _swap_register(net, node, register, value):
     if node.op != "mux":
         return value if node is register else node
     return net.node(
-        "mux", (node.args[0], *(_fill_branches(net, way, register, value) for way in node.args[1:])), node.value
+        "mux", (node.args[0], *(_swap_register(net, way, register, value) for way in node.args[1:])), node.value
     )
 
 

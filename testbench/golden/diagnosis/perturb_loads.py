@@ -28,20 +28,20 @@ def unreset_value(root):
 
 def paths(net):
     """{(id of a choice, argument): [condition of the load]}; a choice that several registers share has several."""
-    conditions = {}
+    conditions_by_load = {}
     for root in net.roots.values():
-        pending = [(unreset_value(root), net.const(1))] if root.op == "next" else []
-        while pending:
-            node, condition = pending.pop()
+        pending_paths = [(unreset_value(root), net.const(1))] if root.op == "next" else []
+        while pending_paths:
+            node, path_condition = pending_paths.pop()
             if node.op != "mux" or is_reset_choice(node):
                 continue
             for k, flag in ((1, node.args[0]), (2, net.node("not", node.args[:1]))):
-                branch_condition = flag if condition.op == "const" else net.node("land", (condition, flag))
-                ways = conditions.setdefault((node.id, k), [])
+                branch_condition = flag if path_condition.op == "const" else net.node("land", (path_condition, flag))
+                ways = conditions_by_load.setdefault((node.id, k), [])
                 if branch_condition not in ways:
                     ways.append(branch_condition)
-                pending.append((node.args[k], branch_condition))
-    return conditions
+                pending_paths.append((node.args[k], branch_condition))
+    return conditions_by_load
 
 
 def prepare(net):
@@ -59,18 +59,18 @@ def _operands(net, loaded):
     return [n for n in inside if n.op not in ("const", "param") and n.value != "rst" and (few or not n.args)]
 
 
-def load_variants(net, node, k, loaded, conditions):
+def load_variants(net, node, k, loaded, load_conditions):
     """A loaded value in which one operand is late, or two are exchanged; `conditions` are those of the load."""
     if loaded.op == "mux":
         return
     operands = _operands(net, loaded)
     for child in operands:
-        for condition in conditions:
-            was = net.enabled_register(condition, child, 0)
+        for load_condition in load_conditions:
+            was = net.enabled_register(load_condition, child, 0)
             yield "late", f"{child!r} of the load before", net.substitute(loaded, {child.id: was}), 1
         if child.args:
-            delayed = net.substitute(loaded, {child.id: net.delayed_node(child)})
-            yield "late", f"{child!r} by 1 clock wherever it is loaded", delayed, 1
+            delayed_load = net.substitute(loaded, {child.id: net.delayed_node(child)})
+            yield "late", f"{child!r} by 1 clock wherever it is loaded", delayed_load, 1
     for a, b in itertools.combinations([n for n in operands if not is_flag(n)][:MOST_OPERANDS], 2):
         if not (a.cone >> b.id & 1 or b.cone >> a.id & 1):
             by = net.substitute(loaded, {a.id: b, b.id: a})
@@ -95,16 +95,16 @@ def keeps_register(net, node, k):
 
 def repeated_loads(net, root):
     """[(loaded value, a choice that loads it, argument)] of the values that several branches of a register load."""
-    loads, pending = {}, [unreset_value(root)]
-    while pending:
-        node = pending.pop()
+    loads_by_value, pending_nodes = {}, [unreset_value(root)]
+    while pending_nodes:
+        node = pending_nodes.pop()
         for k in (1, 2) if node.op == "mux" else ():
             child = node.args[k]
             if child.op == "mux":
-                pending.append(child)
+                pending_nodes.append(child)
             elif child.op != "const":
-                loads.setdefault(child.id, []).append((child, node, k))
-    return [ways[0] for ways in loads.values() if len(ways) > 1]
+                loads_by_value.setdefault(child.id, []).append((child, node, k))
+    return [ways[0] for ways in loads_by_value.values() if len(ways) > 1]
 
 
 def in_all_branches(net, node, old, new):
@@ -117,23 +117,23 @@ def in_all_branches(net, node, old, new):
 
 def twins(net, root):
     """Lists of nodes that are one expression of the model, in a function that it calls several times."""
-    groups = {}
+    nodes_by_expression = {}
     after = unreset_value(root)
     for n in net.cone_nodes(after):
         text = n.args[0].text if n.op == "mux" else n.text
         if n.args and text and n is not after:
-            groups.setdefault((n.op, text), []).append(n)
-    return [group for group in groups.values() if 2 <= len(group) <= MOST_TWINS]
+            nodes_by_expression.setdefault((n.op, text), []).append(n)
+    return [twin_nodes for twin_nodes in nodes_by_expression.values() if 2 <= len(twin_nodes) <= MOST_TWINS]
 
 
 def value_node_ids(net, root):
     """Ids of the nodes that a root reads as values, not in conditions."""
-    ids, pending = set(), [unreset_value(root)]
-    while pending:
-        node = pending.pop()
+    ids, pending_nodes = set(), [unreset_value(root)]
+    while pending_nodes:
+        node = pending_nodes.pop()
         if node.id not in ids:
             ids.add(node.id)
-            pending += [a for k, a in enumerate(node.args) if not decides(node, k)]
+            pending_nodes += [a for k, a in enumerate(node.args) if not decides(node, k)]
     return ids
 
 

@@ -19,12 +19,12 @@ CALLS["wrap"] = lambda x, width: python_function(fixed.wrap)(x, min(max(width, 1
 CALLS["wrapu"] = lambda x, width: python_function(fixed.wrap_unsigned)(x, min(max(width, 1), MOST_SHIFT))
 
 
-def _permute_int(x, bits):
-    return sum((x >> bit & 1) << k for k, bit in enumerate(bits))
+def _permute_int(x, source_bits):
+    return sum((x >> source_bit & 1) << k for k, source_bit in enumerate(source_bits))
 
 
-def _differs(values, want):
-    return values != want and any(b is not None and a != b for a, b in zip(values, want))
+def _differs(port_values, want):
+    return port_values != want and any(b is not None and a != b for a, b in zip(port_values, want))
 
 
 class _Source:
@@ -41,17 +41,17 @@ class _Source:
             return self.name(self.by, False) if self.by else "put"
         key = node.id, faulty
         if key not in self.variables:
-            self.variables[key] = self._add_lines(node, faulty)
+            self.variables[key] = self._add_node_lines(node, faulty)
         return self.variables[key]
 
-    def _add_lines(self, node, faulty):
+    def _add_node_lines(self, node, faulty):
         if node.op == "const":
             return f"({node.value})"
         if node.op == "param":
             return f"({node.value[1]})"
         if node.op in ("reg", "in"):
             return self.leaf_texts[node.op, node.value] if self.leaf_texts else f"{node.op}_{node.value}"
-        variable = f"v{node.id}{'f' if faulty else ''}"
+        variable_name = f"v{node.id}{'f' if faulty else ''}"
         if node.op in REGISTERS:
             args = [self.name(a, False) for a in node.args]
             if node.op == "odd":
@@ -66,8 +66,8 @@ class _Source:
             text = f"moved({args[0]}, {node.value})"
         else:
             text = OPERATIONS[node.op][1].format(*args)
-        self.lines.append(f"{variable} = {text}")
-        return variable
+        self.lines.append(f"{variable_name} = {text}")
+        return variable_name
 
 
 def _port(name, fmt):
@@ -88,9 +88,9 @@ def compile_node(net, node):
     leaf_texts = {("reg", name): f"state[{k}]" for k, name in enumerate(registers)}
     input_names = sorted({n.value for n in net.nodes[: net.model_size] if n.op == "in"})
     source = _Source(leaf_texts=leaf_texts | {("in", name): f"inputs[{k}]" for k, name in enumerate(input_names)})
-    result = source.name(node, False)
+    result_variable = source.name(node, False)
     body = [f"    {line}" for line in source.lines]
-    return _execute_lines(["def by(state, inputs):", *body, f"    return {result}"], source)["by"]
+    return _execute_lines(["def by(state, inputs):", *body, f"    return {result_variable}"], source)["by"]
 
 
 def _execute_lines(lines, source):
@@ -120,8 +120,8 @@ def compile_block(net, site, by, visible):
         f"        {', '.join(f'in_{name}' for name in input_names)}, = inputs[n]",
     ]
     lines += [f"        {line}" for line in source.lines]
-    port_values = ", ".join(_port(port_variables[name], net.fmts[name]) for name in visible)
-    lines.append(f"        if differs(({port_values},), want[n]): return n")
+    port_expressions = ", ".join(_port(port_variables[name], net.fmts[name]) for name in visible)
+    lines.append(f"        if differs(({port_expressions},), want[n]): return n")
     for node, (load, x, rst) in source.added_registers:
         lines.append(f"        next_{node.id} = {node.value or 0} if {rst} else {x} if {load} else held_{node.id}")
     lines.append("        state = (" + ", ".join(_port(after[name], net.fmts[name]) for name in registers) + ",)")

@@ -28,21 +28,21 @@ def hypotheses(net, rows, target, inside, wrong):
     """Hypotheses on a target from its `wrong` rows; `inside` are the nodes of its root."""
     pattern = np.unique((target.got ^ target.sound)[wrong] & ((1 << target.fmt.width) - 1))
     node_hypotheses = [h for node in inside for h in _node_hypotheses(net, rows, target, node, wrong, pattern)]
-    loaded = _value_sources(net, rows, target, wrong)
+    loaded = _matching_sources(net, rows, target, wrong)
     node_hypotheses += list(_repeated_load_inversions(net, target, pattern))
     return node_hypotheses + [h for node in inside for h in _load_replacements(net, target, node, loaded)]
 
 
-def _value_sources(net, rows, target, wrong):
+def _matching_sources(net, rows, target, wrong):
     """[(cause, node)] of what has the design's value in all wrong rows: a number, a register, an input, a parameter."""
     got, model_nodes = target.got[wrong], net.nodes[: net.model_size]
-    matches = [("constant", net.const(got[0]))] if np.all(got == got[0]) else []
+    matching_sources = [("constant", net.const(got[0]))] if np.all(got == got[0]) else []
     for leaf in model_nodes:
         is_operand = leaf.op == "param" or (leaf.op in ("reg", "in") and leaf.value not in (target.name, "rst"))
-        if is_operand and np.array_equal(target.wrap_to_width(rows.row_values(leaf, wrong[:FEW])), got[:FEW]):
-            if np.array_equal(target.wrap_to_width(rows.row_values(leaf, wrong) + np.zeros(len(wrong), np.int64)), got):
-                matches.append(("operand", leaf))
-    return matches
+        if is_operand and np.array_equal(target.wrap_to_port(rows.node_values(leaf, wrong[:FEW])), got[:FEW]):
+            if np.array_equal(target.wrap_to_port(rows.node_values(leaf, wrong) + np.zeros(len(wrong), np.int64)), got):
+                matching_sources.append(("operand", leaf))
+    return matching_sources
 
 
 def _repeated_load_inversions(net, target, pattern):
@@ -65,9 +65,9 @@ def _load_replacements(net, target, node, loaded):
                     yield Hypothesis(cause, f"{value!r} in the place of {child!r}", node, by, FAR)
 
 
-def _replace_branches(net, node, old, new):
+def _replace_branch_value(net, node, old, new):
     """A choice with another number in the place of one, in all of its branches."""
-    ways = [new if a is old else _replace_branches(net, a, old, new) if a.op == "mux" else a for a in node.args[1:]]
+    ways = [new if a is old else _replace_branch_value(net, a, old, new) if a.op == "mux" else a for a in node.args[1:]]
     return net.node("mux", (node.args[0], *ways), node.value)
 
 
@@ -78,11 +78,11 @@ def _is_plain(pattern, width):
 
 def _node_hypotheses(net, rows, target, node, wrong, pattern):
     if is_reset_choice(node):
-        reset_values = np.unique(target.got[wrong[rows.node_column(node.args[0])[wrong] != 0]])
-        if len(reset_values) == 1:
-            value = net.const(reset_values[0])
+        design_reset_values = np.unique(target.got[wrong[rows.node_column(node.args[0])[wrong] != 0]])
+        if len(design_reset_values) == 1:
+            value = net.const(design_reset_values[0])
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r}", node, with_argument(net, node, 1, value), 0)
-            everywhere = _replace_branches(net, node, node.args[1], value)
+            everywhere = _replace_branch_value(net, node, node.args[1], value)
             yield Hypothesis("reset", f"{value!r} for {node.args[1]!r} wherever it is cleared", node, everywhere, 0)
     for k, child in enumerate(node.args):
         if net.loads.get((node.id, k)) == target.name and len(pattern) == 1 and _is_plain(pattern[0], target.fmt.width):
@@ -94,8 +94,8 @@ def _node_hypotheses(net, rows, target, node, wrong, pattern):
                 by = with_argument(net, node, k, net.const(value))
                 yield Hypothesis("limit", f"{name} is {value}", node, by, COST)
     if node.op == "table":
-        addresses = np.unique(np.clip(rows.node_column(node.args[0])[wrong], 0, len(node.value) - 1))
-        for address in addresses if len(addresses) <= MOST_WORDS else ():
+        used_addresses = np.unique(np.clip(rows.node_column(node.args[0])[wrong], 0, len(node.value) - 1))
+        for address in used_addresses if len(used_addresses) <= MOST_WORDS else ():
             for bit in range(int(max(node.value)).bit_length()):
                 for step in (1 << bit, -(1 << bit)):
                     words = list(node.value)
@@ -107,12 +107,12 @@ def _node_hypotheses(net, rows, target, node, wrong, pattern):
 def unclassified_hypotheses(net, target, inside):
     """Hypotheses of mistakes in no class at the nodes inside of a target: never named, they make a name uncertain."""
     for node in inside:
-        for what, by in _unclassified_nodes(net, node):
+        for what, by in _unclassified_variants(net, node):
             if by is not node:
                 yield Hypothesis(UNCLASSIFIED, what, node, by, FAR)
     after = perturb_loads.unreset_value(target.root)
     for loaded, _, _ in perturb_loads.repeated_loads(net, target.root):
-        for what, new in _unclassified_loads(net, loaded, target.name):
+        for what, new in _unclassified_load_variants(net, loaded, target.name):
             by = perturb_loads.in_all_branches(net, after, loaded, new)
             yield Hypothesis(UNCLASSIFIED, f"{what} in all branches", after, by, FAR)
 
@@ -121,7 +121,7 @@ HALVES = (8, 16, 17, 18)  # bits of the factors of partial products
 LEAKS = range(1, 11)
 
 
-def _unclassified_nodes(net, node):
+def _unclassified_variants(net, node):
     op, a = node.op, node.args
     zero, one = net.const(0), net.const(1)
     if op in ("add", "sub", "mul"):
@@ -130,16 +130,16 @@ def _unclassified_nodes(net, node):
         for k, x in enumerate(a):
             more = net.node("add", (x, net.node("shr", (x, one))))
             ways = [("0", zero), ("1", one), ("half more", more), ("amount", net.node("abs", (x,)))]
-            for bits in (2, 3, 4):
-                ways += [(f"{op} by {bits}", net.node(op, (x, net.const(bits)))) for op in ("shl", "shr")]
+            for bit_count in (2, 3, 4):
+                ways += [(f"{op} by {bit_count}", net.node(op, (x, net.const(bit_count)))) for op in ("shl", "shr")]
             for what, new in ways:
                 yield f"{what} for {x!r}", with_argument(net, node, k, new)
     if op == "mul":
         yield "no product", zero
-        for bits in HALVES:
-            low = net.const((1 << bits) - 1)
+        for bit_count in HALVES:
+            low = net.const((1 << bit_count) - 1)
             part = net.node("mul", tuple(net.node("and", (x, low)) for x in a))
-            yield f"without the product of the low {bits} bits", net.node("sub", (node, part))
+            yield f"without the product of the low {bit_count} bits", net.node("sub", (node, part))
     if op in ("shl", "shr", *ROUNDINGS):
         yield "without the shift", a[0]
         for more in (2, 3, 4, -2, -3, -4):
@@ -163,11 +163,11 @@ def _unclassified_nodes(net, node):
         yield "both branches and-ed", net.node("and", a[1:])
     for k, child in enumerate(a):
         if (node.id, k) in net.loads and child.op not in ("const", "mux"):
-            for what, new in _unclassified_loads(net, child, net.loads[node.id, k]):
+            for what, new in _unclassified_load_variants(net, child, net.loads[node.id, k]):
                 yield what, with_argument(net, node, k, new)
 
 
-def _unclassified_loads(net, x, name):
+def _unclassified_load_variants(net, x, name):
     one = net.const(1)
     if name in net.reset:
         old = net.node("reg", (), name)
@@ -178,14 +178,14 @@ def _unclassified_loads(net, x, name):
             yield f"{x!r} {op} the old value", net.node(op, (x, old))
         yield f"{x!r} from the old value", net.node("sub", (old, x))
         yield f"the old value from {x!r}", net.node("sub", (x, old))
-        is_greater = net.node("gt", (x, old))
-        yield f"the larger of {x!r} and the old value", net.node("mux", (is_greater, x, old))
-        yield f"the smaller of {x!r} and the old value", net.node("mux", (is_greater, old, x))
+        greater_node = net.node("gt", (x, old))
+        yield f"the larger of {x!r} and the old value", net.node("mux", (greater_node, x, old))
+        yield f"the smaller of {x!r} and the old value", net.node("mux", (greater_node, old, x))
         for k in LEAKS:
             yield f"{x!r} with a leak", net.node("sub", (x, net.node("shr", (old, net.const(k)))))
-    delayed = net.delayed_node(x)
-    yield f"difference of {x!r}", net.node("sub", (x, delayed))
-    yield f"mean of {x!r} and the value before", net.node("shr", (net.node("add", (x, delayed)), one))
+    delayed_value = net.delayed_node(x)
+    yield f"difference of {x!r}", net.node("sub", (x, delayed_value))
+    yield f"mean of {x!r} and the value before", net.node("shr", (net.node("add", (x, delayed_value)), one))
     for k in (1, 2, 3, 4, 5, 6, 7, 8):
         part = net.node("shr", (x, net.const(k)))
         yield f"{x!r} and 1/{1 << k} of it", net.node("add", (x, part))
@@ -196,15 +196,15 @@ def _unclassified_loads(net, x, name):
         yield f"{x!r} shifted by {k}", net.node("shl", (x, net.const(k)))
     width = net.fmts[name].width
     if width <= 62:
-        bits = list(range(width))
+        bit_numbers = list(range(width))
         for k in range(1, width if width <= 16 else 9):
-            yield f"{x!r} rotated by {k}", net.node("moved", (x,), tuple(bits[k:] + bits[:k]))
-            yield f"{x!r} rotated by -{k}", net.node("moved", (x,), tuple(bits[-k:] + bits[:-k]))
+            yield f"{x!r} rotated by {k}", net.node("moved", (x,), tuple(bit_numbers[k:] + bit_numbers[:k]))
+            yield f"{x!r} rotated by -{k}", net.node("moved", (x,), tuple(bit_numbers[-k:] + bit_numbers[:-k]))
     if net.fmts[name].s:
         top = net.const(1 << (width - 1))
-        is_negative = net.node("lt", (x, net.const(0)))
-        yield f"{x!r} as sign and magnitude", net.node("mux", (is_negative, net.node("sub", (top, x)), x))
-        yield f"{x!r}, at least 0", net.node("mux", (is_negative, net.const(0), x))
+        sign_node = net.node("lt", (x, net.const(0)))
+        yield f"{x!r} as sign and magnitude", net.node("mux", (sign_node, net.node("sub", (top, x)), x))
+        yield f"{x!r}, at least 0", net.node("mux", (sign_node, net.const(0), x))
         yield f"amount of {x!r}", net.node("abs", (x,))
         yield f"minus the amount of {x!r}", net.node("neg", (net.node("abs", (x,)),))
 
@@ -220,8 +220,8 @@ def operand_hypotheses(search, target, inside, wrong):
     """Another word, or a word of another load or of clocks before, in the place of each operand."""
     net, count = search.net, 0
     words = [n for n in net.nodes[: net.model_size] if n.op not in ("const", "param", "next", "pin") and number(n)]
-    load_flags = {flag.id: flag for ways in net.load_conditions.values() for flag in ways if flag.op != "const"}
-    enables = list(load_flags.values())[:MOST_ENABLES]
+    load_flag_by_id = {flag.id: flag for ways in net.load_conditions.values() for flag in ways if flag.op != "const"}
+    enables = list(load_flag_by_id.values())[:MOST_ENABLES]
     for node in inside:
         for k, child in enumerate(node.args) if node.op in READ else ():
             if child.op in ("const", "param") or decides(node, k) or is_flag(child) or count > MOST:
@@ -247,9 +247,9 @@ def free_rounding_hypotheses(search, target, inside, wrong):
     for node in inside:
         if node.op in ROUNDINGS:
             ways = [net.node(rule, node.args) for rule in ("floor", "ceil")]
-            floor, ceil = (search.faulty_values(target, ((node, way),), slice(None)) for way in ways)
+            floor, ceil = (search.values_with_faults(target, ((node, way),), slice(None)) for way in ways)
             differ = floor != ceil
-            if np.all((floor == target.got) | (ceil == target.got) | ~target.compared_rows) and differ[wrong].all():
+            if np.all((floor == target.got) | (ceil == target.got) | ~target.compared_mask) and differ[wrong].all():
                 flag = search.free(
                     target, node, np.where(differ, ceil == target.got, search.rows.node_column(node) != floor)
                 )

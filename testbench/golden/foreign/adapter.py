@@ -31,14 +31,14 @@ def _design_ports(port_map):
     return inputs, outputs
 
 
-def _port_width(name, entries):
+def _port_width(name, port_entries):
     """Bits of a port of the design; FileError if two entries disagree."""
-    if all(port.hi is None for *_, port in entries):
-        widths = {port.width for *_, port in entries}
+    if all(port.hi is None for *_, port in port_entries):
+        widths = {port.width for *_, port in port_entries}
         if len(widths) > 1:
             raise FileError(f"map: port {name} of the design has {' and '.join(map(str, sorted(widths)))} bits")
         return widths.pop()
-    return 1 + max(port.hi or 0 for *_, port in entries)
+    return 1 + max(port.hi or 0 for *_, port in port_entries)
 
 
 def widths(port_map):
@@ -46,11 +46,11 @@ def widths(port_map):
     return {name: _port_width(name, entries) for ports in _design_ports(port_map) for name, entries in ports.items()}
 
 
-def _check_drivers(name, entries):
+def _check_undriven_bits(name, port_entries):
     """FileError where bits of an input have no driver."""
-    if any(port.hi is None for *_, port in entries):
+    if any(port.hi is None for *_, port in port_entries):
         return
-    driven = {bit for *_, port in entries for bit in range(port.lo, port.hi + 1)}
+    driven = {bit for *_, port in port_entries for bit in range(port.lo, port.hi + 1)}
     free = sorted(set(range(max(driven) + 1)) - driven)
     if free:
         raise FileError(f"map: bit {free[0]} of input {name} of the design has no driver")
@@ -89,8 +89,8 @@ class _Verilog:
 
 def _mapped_omitted_params(manifest, port_map):
     """Entries of the parameters that the map lists and the bundle leaves at 0."""
-    names = {name for name, *_ in port_map.parameters}
-    return [p for p in levels.omitted_params(manifest) if p["name"] in names]
+    mapped_names = {name for name, *_ in port_map.parameters}
+    return [p for p in levels.omitted_params(manifest) if p["name"] in mapped_names]
 
 
 def verilog(manifest, port_map):
@@ -106,29 +106,29 @@ def verilog(manifest, port_map):
     lines, links = [], [f".{port_map.clock}(clk)"]
     if port_map.reset[0]:
         links.append(f".{port_map.reset[0]}({'' if port_map.reset[1] else '~'}rst)")
-    for name, entries in inputs.items():
-        _check_drivers(name, entries)
-        lines.append(f"    wire {_span(_port_width(name, entries))} d_{name};")
-        for bundle_name, p, port in entries:
+    for name, port_entries in inputs.items():
+        _check_undriven_bits(name, port_entries)
+        lines.append(f"    wire {_span(_port_width(name, port_entries))} d_{name};")
+        for bundle_name, p, port in port_entries:
             bits = "" if port.hi is None else f"[{port.hi}:{port.lo}]"
             lines.append(f"    assign d_{name}{bits} = {_Verilog.input_expression(bundle_name, p, port)};")
         links.append(f".{name}(d_{name})")
     links += [f".{name}({value})" for name, value in port_map.ties]
-    for name, entries in outputs.items():
-        lines.append(f"    wire {_span(_port_width(name, entries))} d_{name};")
-        for bundle_name, p, port in entries:
+    for name, port_entries in outputs.items():
+        lines.append(f"    wire {_span(_port_width(name, port_entries))} d_{name};")
+        for bundle_name, p, port in port_entries:
             declared, text = _Verilog.output_expression(f"d_{name}", p, port)
             lines += [declared, f"    assign {bundle_name} = {text};"]
         links.append(f".{name}(d_{name})")
-    generics = [f".{design_name}({name})" for name, design_name, _ in port_map.parameters]
+    generics = [f".{design_param}({name})" for name, design_param, _ in port_map.parameters]
     generics += [f".{name}({value})" for name, value in port_map.constants]
-    parameter_map = f" #(\n{(',' + chr(10)).join(generics)}\n)" if generics else ""
+    parameter_text = f" #(\n{(',' + chr(10)).join(generics)}\n)" if generics else ""
     return f"""// {port_map.top} with the names of {manifest["block"]}/{manifest["case"]}
 module {adapter_name(manifest)}{head} (
 {(("," + chr(10)).join(ports))}
 );
 {chr(10).join(dict.fromkeys(lines))}
-    {port_map.top}{parameter_map} yours (
+    {port_map.top}{parameter_text} yours (
 {("," + chr(10)).join(links)}
     );
 endmodule
@@ -170,12 +170,12 @@ class _Vhdl:
         return f"std_logic_vector({name}) => {net}" if is_out else f"{name} => {kind}({net})"
 
     @staticmethod
-    def generic_association(name, design_name, kind, fmt):
+    def generic_association(name, design_param, kind, fmt):
         vector = _Vhdl.vector(name, sum(fmt))
         number = "signed" if fmt and fmt[0] else "unsigned"
         expressions = {"signed": f"signed({vector})", "unsigned": f"unsigned({vector})", "std_logic_vector": vector,
                 "integer": f"to_integer({number}({vector}))"}  # fmt: skip
-        return f"{design_name} => {expressions.get(kind, name)}"
+        return f"{design_param} => {expressions.get(kind, name)}"
 
 
 HELPERS = """    function vec(bit_in : std_logic) return std_logic_vector is
@@ -208,11 +208,11 @@ def vhdl(manifest, port_map):
     inputs, outputs = _design_ports(port_map)
     resting = {p["name"]: p["fmt"] for p in _mapped_omitted_params(manifest, port_map)}
     formats = {p["name"]: p["fmt"] for p in manifest.get("params", [])} | resting
-    declarations = [f"        {name} : natural" for name, _ in rtl_parameters(manifest)]
+    generic_declarations = [f"        {name} : natural" for name, _ in rtl_parameters(manifest)]
     zero = {name: " := '0'" if sum(fmt) == 1 else " := (others => '0')" for name, fmt in resting.items()}
-    declarations += [f"        {name} : {_type(sum(fmt))}{zero.get(name, '')}" for name, fmt in formats.items()]
-    declarations += [f"        {name} : string" for name in levels.roms(manifest)]
-    head = f"    generic (\n{(';' + chr(10)).join(declarations)}\n    );\n" if declarations else ""
+    generic_declarations += [f"        {name} : {_type(sum(fmt))}{zero.get(name, '')}" for name, fmt in formats.items()]
+    generic_declarations += [f"        {name} : string" for name in levels.roms(manifest)]
+    head = f"    generic (\n{(';' + chr(10)).join(generic_declarations)}\n    );\n" if generic_declarations else ""
     ports = [
         "        clk : in std_logic",
         *(f"        {p['name']} : in {_type(p['width'])}" for p in manifest["inputs"]),
@@ -222,33 +222,33 @@ def vhdl(manifest, port_map):
     if port_map.reset[0]:
         lines.append(f"    d_reset <= {'' if port_map.reset[1] else 'not '}rst;")
         links.append(f"{port_map.reset[0]} => d_reset")
-    for name, entries in inputs.items():
-        _check_drivers(name, entries)
-        width = _port_width(name, entries)
+    for name, port_entries in inputs.items():
+        _check_undriven_bits(name, port_entries)
+        width = _port_width(name, port_entries)
         signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
-        for bundle_name, p, port in entries:
+        for bundle_name, p, port in port_entries:
             bits = "" if port.hi is None else f"({port.hi} downto {port.lo})"
             lines.append(f"    d_{name}{bits} <= {_Vhdl.input_expression(bundle_name, p, port)};")
-        kind = next((port.type for *_, port in entries if port.type), "")
-        sliced = any(port.hi is not None for *_, port in entries)
+        kind = next((port.type for *_, port in port_entries if port.type), "")
+        sliced = any(port.hi is not None for *_, port in port_entries)
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, False))
     for name, value in port_map.ties:
         if value not in (0, 1):
             raise FileError(f"map: [ties] {name}: {value} is not 0 or 1, which a VHDL input of one bit can be")
         links.append(f"{name} => '{value}'")
-    for name, entries in outputs.items():
-        width = _port_width(name, entries)
+    for name, port_entries in outputs.items():
+        width = _port_width(name, port_entries)
         signals.append(f"    signal d_{name} : std_logic_vector({width - 1} downto 0);")
-        lines += [f"    {out} <= {_Vhdl.output_expression(f'd_{name}', p, port)};" for out, p, port in entries]
-        kind = next((port.type for *_, port in entries if port.type), "")
-        sliced = any(port.hi is not None for *_, port in entries)
+        lines += [f"    {out} <= {_Vhdl.output_expression(f'd_{name}', p, port)};" for out, p, port in port_entries]
+        kind = next((port.type for *_, port in port_entries if port.type), "")
+        sliced = any(port.hi is not None for *_, port in port_entries)
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, True))
     generics = [
-        _Vhdl.generic_association(name, design_name, kind, formats.get(name, ()))
-        for name, design_name, kind in port_map.parameters
+        _Vhdl.generic_association(name, design_param, kind, formats.get(name, ()))
+        for name, design_param, kind in port_map.parameters
     ]
     generics += [f"{name} => {value}" for name, value in port_map.constants]
-    generic_map = f"        generic map (\n{(',' + chr(10)).join(generics)}\n        )\n" if generics else ""
+    generic_map_text = f"        generic map (\n{(',' + chr(10)).join(generics)}\n        )\n" if generics else ""
     return f"""-- {port_map.top} with the names of {manifest["block"]}/{manifest["case"]}
 library ieee;
 use ieee.std_logic_1164.all;
@@ -268,7 +268,7 @@ architecture wrap of {adapter_name(manifest)} is
 begin
 {chr(10).join(lines)}
     yours : entity {port_map.library}.{port_map.top}
-{generic_map}        port map (
+{generic_map_text}        port map (
 {("," + chr(10)).join(links)}
         );
 end architecture;

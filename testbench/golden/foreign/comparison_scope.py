@@ -50,7 +50,7 @@ def read_latency(path, manifest, level):
             raise FileError(f"{path}: key: {key!r} is not one of schema, ports")
     if not isinstance(tree.get("ports", {}), dict):
         raise FileError(f"{path}: ports: {tree['ports']!r} is not a table of port = clocks")
-    latencies, ports = {}, levels.compared_ports(manifest, level)
+    latency_by_port, ports = {}, levels.compared_ports(manifest, level)
     if level == "registers" and tree.get("ports"):
         raise FileError(f"{path}: latency is of level pins or outputs: at level registers every register has its own")
     for name, clocks in tree.get("ports", {}).items():
@@ -61,9 +61,9 @@ def read_latency(path, manifest, level):
             )
         if type(clocks) is not int or not 0 <= clocks <= MOST_CLOCKS:
             raise FileError(f"{path}: [ports] {name}: {clocks!r} is not 0 .. {MOST_CLOCKS} clocks")
-        latencies[fits[0]] = clocks
-    latency_effects.check(path, manifest["block"], latencies)
-    return latencies
+        latency_by_port[fits[0]] = clocks
+    latency_effects.check(path, manifest["block"], latency_by_port)
+    return latency_by_port
 
 
 def _free(reset):
@@ -93,9 +93,9 @@ def build_scope(golden, level, style="sync", clocks=None):
         golden.stim[:, 0], reset[:] = 0, False
     else:
         care = care.copy()
-    level_names = {name for name, _ in levels.compared_ports(manifest, level)}
+    level_port_names = {name for name, _ in levels.compared_ports(manifest, level)}
     for column, name in enumerate(names):
-        care[:, column] &= name in level_names
+        care[:, column] &= name in level_port_names
         _mask_reset_rows(care[:, column], reset, style, clocks.get(name, 0))
     clocks = {name: k for name, k in clocks.items() if k}
     return ComparisonScope(golden._replace(manifest=manifest), level, first, clocks, care)
@@ -113,7 +113,7 @@ def _mask_reset_rows(care, reset, style, clocks):
     care[rows - clocks :] = False
 
 
-def align_column(scope, columns, port):
+def remove_latency(scope, columns, port):
     """Column of a port with its extra clocks taken out; rows beyond the end repeat the last."""
     column = columns
     k = min(scope.clocks.get(port, 0), len(column.values))

@@ -112,14 +112,14 @@ class _Reader:
         style = reset.get("style", "sync")
         self.require(style in STYLES, "reset.style", style, f"one of {', '.join(STYLES)}")
         library = tree.get("library", LIBRARY)
-        identifiers = {"top": top, "library": library, "clock.port": clock.get("port", "clk")}
+        identifier_by_key = {"top": top, "library": library, "clock.port": clock.get("port", "clk")}
         if style != "none":
-            identifiers["reset.port"] = reset.get("port", "rst")
-        for key, name in identifiers.items():
+            identifier_by_key["reset.port"] = reset.get("port", "rst")
+        for key, name in identifier_by_key.items():
             self.require(isinstance(name, str) and NAME.fullmatch(name), key, name, "a name")
         active = reset.get("active", 1)
         self.require(type(active) is int and active in (0, 1), "reset.active", active, "0 or 1")
-        return top, library, identifiers["clock.port"], (identifiers.get("reset.port", ""), active), style
+        return top, library, identifier_by_key["clock.port"], (identifier_by_key.get("reset.port", ""), active), style
 
     def port(self, key, raw_entry, width):
         """`Port` of an entry of [inputs] or [outputs], of a bundle's port of `width` bits."""
@@ -131,9 +131,9 @@ class _Reader:
             )
         if entry["port"] == "":
             return Port("", width)
-        match = PORT.fullmatch(entry["port"]) if isinstance(entry["port"], str) else None
-        self.require(match, key, entry["port"], "a name, name[bit] or name[high:low]")
-        hi, lo = (None if k is None else int(k) for k in match.groups()[1:])
+        port_match = PORT.fullmatch(entry["port"]) if isinstance(entry["port"], str) else None
+        self.require(port_match, key, entry["port"], "a name, name[bit] or name[high:low]")
+        hi, lo = (None if k is None else int(k) for k in port_match.groups()[1:])
         lo = hi if lo is None else lo
         if hi is not None and hi < lo:
             self.refuse(f"{key}: slice {entry['port']}: {hi} is below {lo}")
@@ -144,32 +144,32 @@ class _Reader:
         invert, kind = entry.get("invert", False), entry.get("type", "")
         self.require(type(invert) is bool, f"{key}: invert", invert, "true or false")
         self.require(kind in ("", *TYPES), f"{key}: type", kind, f"one of {', '.join(TYPES)}")
-        return Port(match[1], bits, hi, lo, invert, kind)
+        return Port(port_match[1], bits, hi, lo, invert, kind)
 
     def inputs(self):
         ports = self.manifest["inputs"][1:]
-        entries = self.table("inputs")
-        for name in entries:
+        input_entries = self.table("inputs")
+        for name in input_entries:
             self.require_name("inputs", name, [p["name"] for p in ports])
         return tuple(
-            (p, self.port(f"[inputs] {p['name']}", entries.get(p["name"], p["name"]), p["width"])) for p in ports
+            (p, self.port(f"[inputs] {p['name']}", input_entries.get(p["name"], p["name"]), p["width"])) for p in ports
         )
 
     def outputs(self, level):
         every = levels.compared_ports(self.manifest, "registers")
-        port_names = {name: name for name, _ in every}
+        rtl_port_by_name = {name: name for name, _ in every}
         for ports in (every, levels.compared_ports(self.manifest, level)):
             bare = [p["name"] for _, p in ports]
-            port_names |= {p["name"]: name for name, p in ports if bare.count(p["name"]) == 1}
-        entries = {}
+            rtl_port_by_name |= {p["name"]: name for name, p in ports if bare.count(p["name"]) == 1}
+        entry_by_port = {}
         for name, raw_entry in self.table("outputs").items():
-            self.require_name("outputs", name, port_names)
-            if port_names[name] in entries:
-                self.refuse(f"[outputs]: {name} and {port_names[name]} are the same port")
-            entries[port_names[name]] = raw_entry
+            self.require_name("outputs", name, rtl_port_by_name)
+            if rtl_port_by_name[name] in entry_by_port:
+                self.refuse(f"[outputs]: {name} and {rtl_port_by_name[name]} are the same port")
+            entry_by_port[rtl_port_by_name[name]] = raw_entry
         output_ports = []
         for name, p in levels.compared_ports(self.manifest, level):
-            port = self.port(f"[outputs] {name}", entries.get(name, name), p["width"])
+            port = self.port(f"[outputs] {name}", entry_by_port.get(name, name), p["width"])
             if not port.name:
                 self.refuse(f'[outputs] {name}: "" maps to nothing; level {level} judges this port')
             output_ports.append((name, p, port))
@@ -182,9 +182,9 @@ class _Reader:
         names += levels.roms(self.manifest)
         used = [name for name in names if name not in self.manifest.get("unused_params", ())]
         names += [p["name"] for p in levels.omitted_params(self.manifest)]
-        entries = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))
-        parameters = []
-        for name, raw_entry in entries.items():
+        parameter_entries = self.table("parameters") if "parameters" in self.tree else dict(zip(used, used))
+        parameter_triples = []
+        for name, raw_entry in parameter_entries.items():
             self.require_name("parameters", name, names)
             entry = {"name": raw_entry} if isinstance(raw_entry, str) else raw_entry
             ok = isinstance(entry, dict) and set(entry) <= {"name", "type"} and isinstance(entry.get("name"), str)
@@ -193,8 +193,8 @@ class _Reader:
             kinds = ("", *TYPES, "integer")
             kind = entry.get("type", "")
             self.require(kind in kinds, f"[parameters] {name}: type", kind, f"one of {', '.join(kinds[1:])}")
-            parameters.append((name, entry["name"], kind))
-        return tuple(parameters)
+            parameter_triples.append((name, entry["name"], kind))
+        return tuple(parameter_triples)
 
     def numbers(self, key):
         for name, value in self.table(key).items():
@@ -210,11 +210,11 @@ def _check_single_drivers(read, port_map):
     driven = {port_map.clock: {None: "[clock]"}}
 
     def drive(name, bits, who):
-        drivers = driven.setdefault(name, {})
-        clash = next((k for k in drivers if k is None or bits is None or k in bits), "free")
+        driver_by_bit = driven.setdefault(name, {})
+        clash = next((k for k in driver_by_bit if k is None or bits is None or k in bits), "free")
         if clash != "free":
-            read.refuse(f"port {name} of the design has two drivers: {drivers[clash]} and {who}")
-        drivers.update(dict.fromkeys([None] if bits is None else bits, who))
+            read.refuse(f"port {name} of the design has two drivers: {driver_by_bit[clash]} and {who}")
+        driver_by_bit.update(dict.fromkeys([None] if bits is None else bits, who))
 
     if port_map.reset[0]:
         drive(port_map.reset[0], None, "[reset]")
@@ -223,13 +223,13 @@ def _check_single_drivers(read, port_map):
             drive(port.name, None if port.hi is None else range(port.lo, port.hi + 1), f"[inputs] {p['name']}")
     for name, _ in port_map.ties:
         drive(name, None, "[ties]")
-    bundle_names = {}
-    for name, design_name, _ in (*port_map.parameters, *((n, n, "") for n, _ in port_map.constants)):
-        if design_name in bundle_names:
+    bundle_params = {}
+    for name, design_param, _ in (*port_map.parameters, *((n, n, "") for n, _ in port_map.constants)):
+        if design_param in bundle_params:
             read.refuse(
-                f"parameter {design_name} of the design has two values: of {bundle_names[design_name]} and of {name}"
+                f"parameter {design_param} of the design has two values: of {bundle_params[design_param]} and of {name}"
             )
-        bundle_names[design_name] = name
+        bundle_params[design_param] = name
     for name, _, port in port_map.outputs:
         if port.name in driven:
             who = next(iter(driven[port.name].values()))

@@ -16,7 +16,7 @@ from testbench.errors import FileError
 
 # The pins of the board in this direction are answered by a chip (docs/architecture.md, what crosses the pins)
 ANSWERS = {"adc": ("drdy_n", "dout")}
-FULL_DESIGN = "top"
+TOP_STEM = "top"
 RESTS = ("control.", "sid.", "adc.")  # a carrier that gets there has become codes and words
 NODES = {"drive": ("xe1",), "sense": ("ye1",), "refs": ("xe1", "ye1")}
 
@@ -32,20 +32,20 @@ class Lag(NamedTuple):
 @functools.cache
 def _wires():
     """{output of an instance: ports that it goes to} of top and control."""
-    targets = {}
+    targets_by_output = {}
     for module, before in ((control, "control."), (top, "")):
         for wire in wiring.trace(module, all_parts=True).wires:
             for leaf in wire.signal.leaves:
                 target = wire.target if wire.instance == "pins" else before + wire.target
-                targets.setdefault(before + leaf.name, set()).add(target)
-    return targets
+                targets_by_output.setdefault(before + leaf.name, set()).add(target)
+    return targets_by_output
 
 
 @functools.cache
 def _instances():
     """{instance: stem} of top and control, the longest name first."""
-    stems = {name: module.__name__.rpartition(".")[2] for name, (module, _) in wiring.instances().items()}
-    return dict(sorted(stems.items(), key=lambda item: -len(item[0])))
+    stem_by_instance = {name: module.__name__.rpartition(".")[2] for name, (module, _) in wiring.instances().items()}
+    return dict(sorted(stem_by_instance.items(), key=lambda item: -len(item[0])))
 
 
 def _owner(port):
@@ -55,30 +55,30 @@ def _owner(port):
 
 def _carrier_pins(instance, port):
     """Pins that a register or pin of an instance reaches as a carrier."""
-    pins, visited, todo = set(), set(), [f"{instance}.{port}"]
+    reached_pins, visited_instances, todo = set(), set(), [f"{instance}.{port}"]
     while todo:
         source = todo.pop()
         for target in _wires().get(source, ()):
             if target.startswith("pins."):
-                pins.add(target[len("pins.") :])
-            elif not target.startswith(RESTS) and _owner(target) and _owner(target) not in visited:
-                visited.add(_owner(target))
+                reached_pins.add(target[len("pins.") :])
+            elif not target.startswith(RESTS) and _owner(target) and _owner(target) not in visited_instances:
+                visited_instances.add(_owner(target))
                 todo += [name for name in _wires() if _owner(name) == _owner(target)]
-    return pins
+    return reached_pins
 
 
 @functools.cache
 def _carriers():
     """Instances that a phase of the DDS reaches."""
-    carriers, todo = {"dds"}, ["dds"]
+    carrier_instances, todo = {"dds"}, ["dds"]
     while todo:
         instance = todo.pop()
         for source in (name for name in _wires() if _owner(name) == instance):
             for owner in {_owner(t) for t in _wires()[source] if not t.startswith(("pins.", *RESTS))} - {""}:
-                if owner not in carriers:
-                    carriers.add(owner)
+                if owner not in carrier_instances:
+                    carrier_instances.add(owner)
                     todo.append(owner)
-    return carriers
+    return carrier_instances
 
 
 def lags(stem, case, clocks):
@@ -86,21 +86,21 @@ def lags(stem, case, clocks):
 
     Of the whole design the ports are its pins.
     """
-    instances = [name for name, block in _instances().items() if block == stem and name in _carriers()]
-    instances = [name for name in instances if name.rpartition(".")[2] == case] or instances
-    instances = [stem] if stem == FULL_DESIGN else instances
+    carrier_instances = [name for name, block in _instances().items() if block == stem and name in _carriers()]
+    carrier_instances = [name for name in carrier_instances if name.rpartition(".")[2] == case] or carrier_instances
+    carrier_instances = [stem] if stem == TOP_STEM else carrier_instances
     clocks_by_node = {}
-    for instance in sorted(instances):
+    for instance in sorted(carrier_instances):
         for port, delay in clocks.items():
             bare = port[2:]
             names = [n for n in _wires() if _owner(n) == instance and port_name(n[len(instance) + 1 :]) == bare]
-            pins = set().union(
-                {bare} if stem == FULL_DESIGN else (), *(_carrier_pins(instance, n[len(instance) + 1 :]) for n in names)
+            reached_pins = set().union(
+                {bare} if stem == TOP_STEM else (), *(_carrier_pins(instance, n[len(instance) + 1 :]) for n in names)
             )
             for path, nodes in NODES.items():
                 # a drive or sense port of a block with both turns its own node alone
                 mine = [n for n in nodes if not bare.startswith(("drive_", "sense_")) or n[0] == "xy"[bare[0] == "s"]]
-                if any(pin.startswith(path) for pin in pins):
+                if any(pin.startswith(path) for pin in reached_pins):
                     for node in mine:
                         # pins of one chip leave together: the latest counts; a late reference is less lag
                         sign = -1 if path == "refs" else 1
@@ -114,18 +114,18 @@ def check(path, stem, clocks):
 
     An input of the block answers a late port, or a chip would read its pins at different clocks.
     """
-    for name in (name for name, block in _instances().items() if stem in (block, FULL_DESIGN)):
+    for name in (name for name, block_stem in _instances().items() if stem in (block_stem, TOP_STEM)):
         sources = {source: [t[len("pins.") :] for t in targets if t.startswith("pins.")]
                    for source, targets in _wires().items() if _owner(source) == name}  # fmt: skip
         pins = {pin for source, targets in sources.items()
-                for pin in (targets if stem == FULL_DESIGN else [source[len(name) + 1 :]] * bool(targets))}  # fmt: skip
-        delays = {pin: clocks.get(f"r_{pin}", clocks.get(f"o_{pin}", 0)) for pin in sorted(pins)}
-        if name in ANSWERS and any(delays.values()):
-            latest = max(delays, key=delays.get)
+                for pin in (targets if stem == TOP_STEM else [source[len(name) + 1 :]] * bool(targets))}  # fmt: skip
+        delay_by_pin = {pin: clocks.get(f"r_{pin}", clocks.get(f"o_{pin}", 0)) for pin in sorted(pins)}
+        if name in ANSWERS and any(delay_by_pin.values()):
+            latest_pin = max(delay_by_pin, key=delay_by_pin.get)
             raise FileError(
-                f"{path}: [ports] {latest}: inputs {' and '.join(ANSWERS[name])} answer it, so recorded rows would "
-                f"come {delays[latest]} clocks too early; close the loop instead: gyro golden loop"
+                f"{path}: [ports] {latest_pin}: inputs {' and '.join(ANSWERS[name])} answer it, so recorded rows would "
+                f"come {delay_by_pin[latest_pin]} clocks too early; close the loop instead: gyro golden loop"
             )
-        if len(set(delays.values())) > 1:
-            pin_delays = ", ".join(f"{pin} {delay}" for pin, delay in delays.items())
-            raise FileError(f"{path}: [ports]: one chip reads these pins together, with equal clocks: {pin_delays}")
+        if len(set(delay_by_pin.values())) > 1:
+            pin_delay_text = ", ".join(f"{pin} {delay}" for pin, delay in delay_by_pin.items())
+            raise FileError(f"{path}: [ports]: one chip reads these pins together, with equal clocks: {pin_delay_text}")

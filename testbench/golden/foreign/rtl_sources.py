@@ -42,13 +42,13 @@ def folder_sources(rtl, stem):
     rtl = Path(rtl)
     if not rtl.is_dir():
         raise FileError(f"{rtl}: not a folder")
-    suffixes = [suffix for suffix in (*VERILOG, *VHDL) if (rtl / f"{stem}{suffix}").is_file()]
-    return [_suffix_sources(rtl, stem, suffix) for suffix in suffixes]
+    existing_suffixes = [suffix for suffix in (*VERILOG, *VHDL) if (rtl / f"{stem}{suffix}").is_file()]
+    return [_suffix_sources(rtl, stem, suffix) for suffix in existing_suffixes]
 
 
 def _suffix_sources(rtl, stem, suffix):
-    suffixes = VHDL if suffix in VHDL else VERILOG
-    parts = [rtl / f"{part}{extension}" for part in PARTS.get(stem, ()) for extension in suffixes]
+    language_suffixes = VHDL if suffix in VHDL else VERILOG
+    parts = [rtl / f"{part}{part_suffix}" for part in PARTS.get(stem, ()) for part_suffix in language_suffixes]
     files = tuple(path.resolve() for path in (*parts, rtl / f"{stem}{suffix}") if path.is_file())
     return Sources(files, ("",) * len(files), tuple(dict.fromkeys(path.parent for path in files)))
 
@@ -59,30 +59,30 @@ class _Lists:
     def __init__(self):
         self.files, self.includes, self.defines, self.library = [], [], [], ""
 
-    def read(self, path, enclosing=()):
+    def read(self, path, enclosing_lists=()):
         path = Path(path)
-        if path.resolve() in enclosing:
+        if path.resolve() in enclosing_lists:
             raise FileError(f"{path}: the list names itself")
-        if len(enclosing) == MOST_LISTS:
+        if len(enclosing_lists) == MOST_LISTS:
             raise FileError(f"{path}: more than {MOST_LISTS} lists, one within the other")
         for number, line in read_lines(path):
             words = re.sub(r"(^|\s)(//|#|--\s|--$).*", "", line).split()
             while words:
-                self.word(words, path, f"{path}: line {number}", (*enclosing, path.resolve()))
+                self.word(words, path, f"{path}: line {number}", (*enclosing_lists, path.resolve()))
 
-    def word(self, words, path, where, enclosing):
+    def word(self, words, path, where, enclosing_lists):
         word = words.pop(0)
         if word in ("-f", "-F", "-work", "-I", "-D") and not words:
             raise FileError(f"{where}: {word} needs a value")
         if word in ("-f", "-F"):
-            self.read(self.resolve_path(words.pop(0), path, where), enclosing)
+            self.read(self.resolve_path(words.pop(0), path, where), enclosing_lists)
         elif word == "-work" or word.startswith("--work="):
             self.library = words.pop(0) if word == "-work" else word.partition("=")[2]
             if not NAME.fullmatch(self.library):
                 raise FileError(f"{where}: {self.library!r} is no name of a library")
         elif word.startswith(("+incdir+", "-I")):
-            values = word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
-            self.includes += [self.resolve_path(name, path, where, folder=True) for name in values]
+            include_folders = word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
+            self.includes += [self.resolve_path(name, path, where, folder=True) for name in include_folders]
         elif word.startswith(("+define+", "-D")):
             self.defines += word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
         elif word[0] in "+-":
@@ -97,10 +97,10 @@ class _Lists:
                 raise FileError(f"{where}: {word} does not end in {', '.join((*VERILOG, *VHDL, *HEADERS))}")
 
     def resolve_path(self, name, path, where, folder=False):
-        candidate = path.parent / os.path.expandvars(name)
-        if not (candidate.is_dir() if folder else candidate.is_file()):
-            raise FileError(f"{where}: no {'folder' if folder else 'file'} {candidate}")
-        return candidate.resolve()
+        expanded_path = path.parent / os.path.expandvars(name)
+        if not (expanded_path.is_dir() if folder else expanded_path.is_file()):
+            raise FileError(f"{where}: no {'folder' if folder else 'file'} {expanded_path}")
+        return expanded_path.resolve()
 
 
 def read_source_list(path):

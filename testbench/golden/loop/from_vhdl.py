@@ -1,6 +1,6 @@
 """Verilog of a design in VHDL, by the synthesis of GHDL.
 
-    synthesise_vhdl(design_sources, name, folder, what)  the file; `design_sources` are `sources.Sources`
+    synthesise_vhdl(vhdl_sources, name, folder, what)  the file; `vhdl_sources` are `sources.Sources`
     repair_netlist(verilog, vhdl)                        without two faults of GHDL 2.0, which make it another design
 
 Source  docs/rtl.md
@@ -16,7 +16,7 @@ from testbench.tool import run_tool
 
 BITS = re.compile(r'"([01XZ]+)"')
 CASE = re.compile(r"^    case \((\w+)\)\n((?:      .*\n)+)    endcase\n", re.M)
-SELECT = re.compile(r"^  with (\w+) select (\w+) <=\n(?:    .*,\n)*    (.+) when others;\n", re.M)
+SELECT_PATTERN = re.compile(r"^  with (\w+) select (\w+) <=\n(?:    .*,\n)*    (.+) when others;\n", re.M)
 
 
 def _verilog_literal(text):
@@ -34,7 +34,7 @@ def repair_netlist(verilog, vhdl):
     GHDL 2.0 writes constants of more than 32 bits as text, and leaves `when others` out (its issues 2002 and 2041).
     ValueError if both texts are not of one netlist
     """
-    default_branches = iter(SELECT.findall(vhdl))
+    default_branches = iter(SELECT_PATTERN.findall(vhdl))
 
     def complete_case(case_match):
         selector, branches = case_match[1], case_match[2]
@@ -49,7 +49,7 @@ def repair_netlist(verilog, vhdl):
     return CASE.sub(complete_case, BITS.sub(lambda bits: f"{len(bits[1])}'b{bits[1]}", verilog))
 
 
-def synthesise_vhdl(design_sources, name, folder, what):
+def synthesise_vhdl(vhdl_sources, name, folder, what):
     """Verilog of `sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
     if shutil.which("ghdl") is None:
         raise ConfigError("ghdl: not installed; the loop takes a design in VHDL by its synthesis")
@@ -58,8 +58,8 @@ def synthesise_vhdl(design_sources, name, folder, what):
     work_folder = Path(folder).resolve() / "vhdl"
     shutil.rmtree(work_folder, ignore_errors=True)
     work_folder.mkdir(parents=True)
-    libraries = [library or "work" for library in design_sources.libraries]
-    for path, library in zip(design_sources.files, libraries, strict=True):
+    libraries = [library or "work" for library in vhdl_sources.libraries]
+    for path, library in zip(vhdl_sources.files, libraries, strict=True):
         run_tool(["ghdl", "-a", "--std=08", f"--work={library}", path], work_folder, what)
     # an entity that is missing would be a module whose outputs rest
     command = f"ghdl --synth --std=08 -Werror=binding --work={libraries[-1]}".split()

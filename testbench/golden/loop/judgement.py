@@ -32,7 +32,7 @@ LEAST_SIGMA_DPS = 1e-9  # of equal runs
 ANALOG = ("DAC response", "output pole")  # rows of the budget behind the pins
 DETECTION = Path(__file__).with_name("detection.json")
 PASSED, FAILED, OPEN = "pass", "FAIL", "not resolved"
-PASS_LIMITS = (
+PASS_CAVEAT_TEXT = (
     "A PASS does not show: inputs that this scenario does not have; words that no DAC showed; results that round or "
     "saturate in another way where no code of this run tells. The vectors of the blocks do (gyro golden check)."
 )
@@ -45,15 +45,15 @@ def detection():
 
 def pass_caveat():
     """What a PASS does not show, with the kinds of planted faults that a loop missed."""
-    planted_counts = detection()
+    detection_counts = detection()
     missed = sorted(
-        (detected / planted, kind, planted, detected) for kind, (planted, detected) in planted_counts["kinds"].items()
+        (detected / planted, kind, planted, detected) for kind, (planted, detected) in detection_counts["kinds"].items()
     )
     missed_text = ", ".join(
         f"{kind} {detected} of {planted}" for _, kind, planted, detected in missed if detected < planted
     )
-    faults, detections = planted_counts["faults"], planted_counts["seen"]
-    return f"{PASS_LIMITS} Of {faults} planted faults a loop of pins saw {detections}: {missed_text}."
+    faults, detection_count = detection_counts["faults"], detection_counts["seen"]
+    return f"{PASS_CAVEAT_TEXT} Of {faults} planted faults a loop of pins saw {detection_count}: {missed_text}."
 
 
 class Line(NamedTuple):
@@ -120,12 +120,12 @@ class Verdict(NamedTuple):
             for line in self.lines
         ]  # fmt: skip
         table_lines = ["  {:<32}{:>10}{:>10}{:>12}{:>9}{:>9}{:>12}{:>9}  {}".format(*row).rstrip() for row in rows]
-        lag_text = ", ".join(f"{name} {count:+.2f}" for name, count in self.clocks.items())
+        lag_clocks_text = ", ".join(f"{name} {count:+.2f}" for name, count in self.clocks.items())
         return "\n".join(
             [
                 f"JUDGED {'PASS' if self.passed else 'FAIL'}, as a board is:",
                 *table_lines,
-                f"Clocks of 26 MHz later than the model: {lag_text}.",
+                f"Clocks of 26 MHz later than the model: {lag_clocks_text}.",
                 pass_caveat(),
             ]
         )

@@ -118,12 +118,12 @@ def pin_face(name, params, chips):
     )
 
 
-def _differs(face, signal_index, fmt, texts):
+def _difference_expression(face, observed_index, fmt, texts):
     """Text of whether what a place shows is not that of `row`; `texts` are {signal index: text of its port}."""
-    text = f"((uint64_t)row[{signal_index}] & {_mask(fmt):#x}u) ^ {texts[signal_index]}"
-    if signal_index not in face.read:
+    text = f"((uint64_t)row[{observed_index}] & {_mask(fmt):#x}u) ^ {texts[observed_index]}"
+    if observed_index not in face.read:
         return text
-    select_n, running = (texts[other] for other in face.read[signal_index])
+    select_n, running = (texts[other] for other in face.read[observed_index])
     return f"{select_n} || !{running} ? 0 : {text}"
 
 
@@ -139,7 +139,7 @@ def driver(face, top_ports):
     packed = " |\n           ".join(f"(int64_t){text} << {at}" for text, at in bits)
     compared_ports = [(k, f"top.{port}", fmt) for k, port, fmt in face.observed_ports]
     texts = {k: text for k, text, _ in compared_ports}
-    wrong = [(k, _differs(face, k, fmt, texts)) for k, _, fmt in compared_ports]
+    wrong = [(k, _difference_expression(face, k, fmt, texts)) for k, _, fmt in compared_ports]
     tests = "\n".join(f"    d |= {text};" for _, text in wrong)
     return_statements = "\n".join(f"    if ({text}) return {k};" for k, text in wrong)
     reads = "\n".join(
@@ -217,26 +217,26 @@ def check_ports(face, declared, what):
 
     declared  {port: (IN or OUT, width)} of the top
     """
-    required_ports = {port: ("IN", width) for port, width in face.inputs.values()}
-    required_ports |= {port: ("OUT", fmt.width) for _, port, fmt in face.observed_ports}
-    required_ports |= {port: ("OUT", 1) for port in face.ldacs if port}
+    required_port_kinds = {port: ("IN", width) for port, width in face.inputs.values()}
+    required_port_kinds |= {port: ("OUT", fmt.width) for _, port, fmt in face.observed_ports}
+    required_port_kinds |= {port: ("OUT", 1) for port in face.ldacs if port}
     optional = {face.inputs[name][0] for name in face.optional}
-    absent = sorted(set(required_ports) - set(declared) - optional)
+    absent = sorted(set(required_port_kinds) - set(declared) - optional)
     if absent:
         raise FileError(f"{what}: port {', '.join(absent)} is missing")
-    for port, (way, width) in required_ports.items():
+    for port, (way, width) in required_port_kinds.items():
         if port in declared and declared[port] != (way, width):
-            actual_port = f"{declared[port][0].lower()}put of {declared[port][1]} bits"
-            raise FileError(f"{what}: port {port}: is an {actual_port}, not an {way.lower()}put of {width}")
-    undriven = sorted(port for port, (way, _) in declared.items() if way == "IN" and port not in required_ports)
+            actual_port_text = f"{declared[port][0].lower()}put of {declared[port][1]} bits"
+            raise FileError(f"{what}: port {port}: is an {actual_port_text}, not an {way.lower()}put of {width}")
+    undriven = sorted(port for port, (way, _) in declared.items() if way == "IN" and port not in required_port_kinds)
     if undriven:
         raise FileError(f"{what}: input {', '.join(undriven)} is no pin of the board")
 
 
 def _parse_header_ports(header):
     """{port: (IN or OUT, width)} of the class that Verilator wrote."""
-    port_matches = DECLARED.findall(Path(header).read_text())
-    return {name: (way, int(high) - int(low) + 1) for way, name, high, low in port_matches}
+    declaration_matches = DECLARED.findall(Path(header).read_text())
+    return {name: (way, int(high) - int(low) + 1) for way, name, high, low in declaration_matches}
 
 
 def sources(rtl):
@@ -341,7 +341,7 @@ class Design:
     """
 
     def __init__(self, path, face=None, folder="."):
-        self.signal_indices = ALL if face is None else tuple(signal_index for signal_index, _, _ in face.observed_ports)
+        self.observed_indices = ALL if face is None else tuple(index for index, _, _ in face.observed_ports)
         self._folder = folder
         self._data = {} if face is None else face.read
         self._library = ctypes.CDLL(str(path))
@@ -376,10 +376,10 @@ class Design:
         self._library.gyro_read(self.handle, row.ctypes.data)
         return row
 
-    def signal_differences(self, expected, got):
+    def differing_indices(self, expected, got):
         """Places in which two rows differ, as `gyro_differs` judges them."""
         unread = {k for k, (select_n, running) in self._data.items() if got[select_n] or not got[running]}
-        return [k for k in self.signal_indices if expected[k] != got[k] and k not in unread]
+        return [k for k in self.observed_indices if expected[k] != got[k] and k not in unread]
 
     def __enter__(self):
         return self

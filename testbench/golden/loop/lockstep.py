@@ -5,10 +5,10 @@
     after edge n    the converters see the RTL's pins; DAC codes and reference edges act on the plant at their clocks
 
 Ticks and streams are those of the clocked engine. The first difference ends the run, before the
-edge whose row it stands in. That is mode COMPARE; in the others nothing is compared:
+edge whose row it stands in. That is COMPARE_MODE; in the others nothing is compared:
 
-    RTL_ONLY   the RTL drives the plant, and no model is stepped
-    MODEL   the model drives the plant
+    RTL_ONLY_MODE  the RTL drives the plant, and no model is stepped
+    MODEL_MODE     the model drives the plant
 
 Then the rows of frames have the codes that the ADC sent, and the streams every reference edge: clock, pin, level.
 Source  docs/rtl.md
@@ -31,7 +31,7 @@ from testbench.flatten import store
 from testbench.golden.loop.library import INPUTS, LDACS_AT, NAMES, REFS_AT, REGISTERS
 
 BUFFER_ROWS = 8  # rows that stay, for a report: a power of two
-COMPARE, RTL_ONLY, MODEL = range(3)
+COMPARE_MODE, RTL_ONLY_MODE, MODEL_MODE = range(3)
 COUNT, SIGNAL_COUNT = len(REGISTERS), len(NAMES)
 INPUT_COUNT = len(INPUTS)
 REFS_MASK = 15
@@ -54,8 +54,8 @@ class Rtl(NamedTuple):
     count: np.ndarray  # int64 (1,): conversions
 
 
-def connect_rtl(design, mode=COMPARE):
-    """`Rtl` of a design that has just been reset; None for mode MODEL."""
+def connect_rtl(design, mode=COMPARE_MODE):
+    """`Rtl` of a design that has just been reset; None for MODEL_MODE."""
     edge_inputs, rows = np.zeros(INPUT_COUNT, np.int64), np.zeros((BUFFER_ROWS, SIGNAL_COUNT), np.int64)
     design_handles = (0, 0, 0) if design is None else (design.handle, design.edge, design.differs)
     pins = 0 if design is None else design.pins
@@ -145,7 +145,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
         if tick % frame_ticks == 0:
             engine.begin_frame(p, f, chips, a, chunk, tick)
             n = tick // frame_ticks - (begin + frame_ticks - 1) // frame_ticks
-            if rtl.mode != COMPARE and n < chunk.o.frames.shape[0]:
+            if rtl.mode != COMPARE_MODE and n < chunk.o.frames.shape[0]:
                 store(chunk.o.frames[n], engine.codes_before(chips))
         # the aperture is the tick's first instant; the codes arrive a tick later
         sample_x, sample_y = a.sar[0], a.sar[1]
@@ -158,7 +158,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
         drive_cycle, sense_cycle, edge_count = -1, -1, 0
         for c in range(clocks):
             at = tick * clocks + c
-            if rtl.mode == COMPARE:
+            if rtl.mode == COMPARE_MODE:
                 row = rtl.rows[at & (BUFFER_ROWS - 1)]
                 store(row, f)
                 store(row[COUNT:], fpga.pins(p.fpga, f))
@@ -170,9 +170,9 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
             i = fpga.Inputs(
                 chips.adc.drdy_n, adc_serial.dout(chips.adc), sample_x, sample_y, write, chunk.address, chunk.data
             )
-            if rtl.mode != RTL_ONLY:
+            if rtl.mode != RTL_ONLY_MODE:
                 f = fpga.step(p.fpga, p.rom, f, i)
-            if rtl.mode == MODEL:
+            if rtl.mode == MODEL_MODE:
                 pins = _pack_pins(fpga.pins(p.fpga, f), fpga.other_ldacs(f))
             else:
                 store(rtl.edge_inputs[1:], i)
@@ -192,7 +192,7 @@ def ticks(p, f, chips, a, chunk, end, drdy_cycle, rtl):
                 rtl.latched[1] = c
             now = (pins >> REFS_AT) & REFS_MASK
             if now != refs:
-                probed = rtl.mode != COMPARE
+                probed = rtl.mode != COMPARE_MODE
                 edge_count = engine.changed_references(chunk.edges, edge_count, chunk.o, probed, c, at, refs, now)
                 refs = now
         drdy_cycle = engine.end_tick(p, chips, a, chunk, tick, drive_cycle, sense_cycle, edge_count)[0]

@@ -163,9 +163,9 @@ def _lag(plateaus, grid_turns):
 
 def _frequency(edges, plateau, clocks):
     """Turns per clock, from the rising edges of the drive's sgn(sin) in a plateau."""
-    rising_edges = (edges[:, 1] == 0) & (edges[:, 2] == 1)
-    rising_edges &= (edges[:, 0] >= plateau.first * clocks) & (edges[:, 0] < plateau.last * clocks)
-    at = edges[rising_edges, 0]
+    is_rising_edge = (edges[:, 1] == 0) & (edges[:, 2] == 1)
+    is_rising_edge &= (edges[:, 0] >= plateau.first * clocks) & (edges[:, 0] < plateau.last * clocks)
+    at = edges[is_rising_edge, 0]
     if len(at) < 2:
         return 0.0
     return (len(at) - 1) / float(at[-1] - at[0])
@@ -193,7 +193,7 @@ def measure(capture, design, stretches, locked, grid_clocks):
         frames = slice(plateau.first // design.frame_ticks, plateau.last // design.frame_ticks)
         x, vx = capture.truth[frames, 0], capture.truth[frames, 1]
         amplitudes.append(amplitude_m(x, vx, turn * design.master_hz, 1.0))
-    lags = {name: _lag(plateau_errors, grid_clocks * float(np.mean(turns))) for name, plateau_errors in errors.items()}
+    lags = {name: _lag(phase_errors, grid_clocks * float(np.mean(turns))) for name, phase_errors in errors.items()}
     return Measured(
         lock_frame=locked,
         frequency_hz=float(np.mean(turns)) * design.master_hz,

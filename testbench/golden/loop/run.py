@@ -30,7 +30,7 @@ SECONDS = 3.0
 STEP_DPS, STEPS_S, FAULT_S, FAULT_LENGTH_S = 300.0, (1.5, 1.8, 2.1), 2.4, 0.003
 STORY_KEYS = ("origin", "seconds", "rate_dps", "rate_shape", "faults")
 EDGE_TICKS, EDGES = 8, 64  # a chunk has fewer reference edges than one in so many ticks, and some
-PRINTED_REGISTERS = 8  # registers of a difference that a text lists
+MOST_PRINTED = 8  # registers of a difference that a text lists
 
 
 class Pins(NamedTuple):
@@ -69,7 +69,7 @@ class Recorded(NamedTuple):
     params: fpga.Params
     stimulus: replay_recording.Stimulus
     continuation: after_divergence.Continuation
-    signal_indices: tuple
+    observed_indices: tuple
 
 
 class Difference(Exception):
@@ -94,12 +94,12 @@ class Difference(Exception):
         lines = [f"tick {self.tick}, clock {self.clock} ({self.us:.3f} us): {name}: "
                  f"expected {expected}, got {got}"]  # fmt: skip
         lines += [
-            f"  also {name}: expected {expected}, got {got}" for name, expected, got in self.wrong[1:PRINTED_REGISTERS]
+            f"  also {name}: expected {expected}, got {got}" for name, expected, got in self.wrong[1:MOST_PRINTED]
         ]
-        if len(self.wrong) > PRINTED_REGISTERS:
-            lines.append(f"  and {len(self.wrong) - PRINTED_REGISTERS} more")
-        model_values = self.before[:, library.NAMES.index(name)].tolist()
-        lines.append(f"  {name} in the model, up to here: {', '.join(map(str, model_values))}")
+        if len(self.wrong) > MOST_PRINTED:
+            lines.append(f"  and {len(self.wrong) - MOST_PRINTED} more")
+        preceding_model_values = self.before[:, library.NAMES.index(name)].tolist()
+        lines.append(f"  {name} in the model, up to here: {', '.join(map(str, preceding_model_values))}")
         return "\n".join(lines)
 
     def to_dict(self):
@@ -162,8 +162,8 @@ class Loop(Simulation):
 
     def _stop(self, row, converter):
         expected, got = self.rtl.rows[row % lockstep.BUFFER_ROWS], self.library.read()
-        differing_signals = self.library.signal_differences(expected, got)
-        wrong = [(library.NAMES[k], int(expected[k]), int(got[k])) for k in differing_signals]
+        differing_indices = self.library.differing_indices(expected, got)
+        wrong = [(library.NAMES[k], int(expected[k]), int(got[k])) for k in differing_indices]
         first = max(0, row - lockstep.BUFFER_ROWS + 1)
         before = np.stack([self.rtl.rows[n % lockstep.BUFFER_ROWS] for n in range(first, row + 1)])
         raise Difference(row, wrong, before.copy(), self.design, self._collect_observation(row, converter))
@@ -174,7 +174,7 @@ class Loop(Simulation):
         stimulus = replay_recording.Stimulus(np.concatenate(self._adc), host, np.concatenate(self._sar))
         stimulus = after_divergence.extend_stimulus(stimulus, row, self.design)
         rows = after_divergence.simulate_continuation(self.library, converter, stimulus, row, self.design)
-        return Recorded(self.params.fpga, stimulus, rows, self.library.signal_indices)
+        return Recorded(self.params.fpga, stimulus, rows, self.library.observed_indices)
 
     def finish(self):
         """Compare what the last edge left; raises Difference."""
@@ -182,7 +182,7 @@ class Loop(Simulation):
         values = [int(value) for _, value in leaves(s.fpga)] + [int(v) for v in fpga.pins(self.params.fpga, s.fpga)]
         row = s.tick * self.design.tick_clocks
         self.rtl.rows[row % lockstep.BUFFER_ROWS] = values
-        if self.library.signal_differences(values, self.library.read()):
+        if self.library.differing_indices(values, self.library.read()):
             self._stop(row, s.chips.adc)
         self.rtl.comparison_state[3] += 1
 
@@ -192,7 +192,7 @@ class PinCaptureLoop(Loop):
 
     def __init__(self, config, temp_lo_degc, temp_hi_degc, design, firmware):
         super().__init__(config, temp_lo_degc, temp_hi_degc, design, firmware)
-        self.rtl = lockstep.connect_rtl(design, lockstep.MODEL if design is None else lockstep.RTL_ONLY)
+        self.rtl = lockstep.connect_rtl(design, lockstep.MODEL_MODE if design is None else lockstep.RTL_ONLY_MODE)
         self.keep_rows = True
         self._kept = []
 
@@ -232,9 +232,9 @@ class Outcome(NamedTuple):
         return self.difference is None or (self.verdict is not None and self.verdict.passed)
 
     def to_dict(self):
-        entries = {"passed": self.passed, **self._asdict(), "pins": len(library.PINS)}
-        optional_parts = {"difference": self.difference, "verdict": self.verdict}
-        return entries | {name: item.to_dict() if item else None for name, item in optional_parts.items()}
+        outcome_entries = {"passed": self.passed, **self._asdict(), "pins": len(library.PINS)}
+        optional_results = {"difference": self.difference, "verdict": self.verdict}
+        return outcome_entries | {name: item.to_dict() if item else None for name, item in optional_results.items()}
 
     def text(self):
         if self.verdict:
@@ -284,7 +284,7 @@ def run_lockstep(config, design, firmware, progress=None):
         flags=tuple(name for k, name in enumerate(fault_monitor.NAMES) if sim.seen.flags >> k & 1),
         codes_sha256=sim.codes_sha256(),
         run_s=time.perf_counter() - began,
-        registers=sum(signal_index < len(library.REGISTERS) for signal_index in design.signal_indices),
+        registers=sum(signal_index < len(library.REGISTERS) for signal_index in design.observed_indices),
         difference=difference,
     )
 
@@ -314,11 +314,11 @@ def judge_captures(config, firmware, yours, model):
             f"scenario.rate_dps: a design is judged at two rates, each kept for {pin_meter.LEAST_S:g} s behind lock"
         )
     grid = record.tick_clocks if firmware.references.retimed else 1
-    measurements = [
+    run_measurements = [
         pin_meter.measure(capture, record, stretches, lock, grid)
         for capture, lock in zip((yours, model), locks, strict=True)
     ]
-    return judgement.assess_design(config, firmware, measurements[1], measurements[0], stretches)
+    return judgement.assess_design(config, firmware, run_measurements[1], run_measurements[0], stretches)
 
 
 def judge_design(config, design, firmware, progress=None):
@@ -351,7 +351,7 @@ def run(config, rtl, folder=None, progress=None, firmware=None, level=2, pins=No
             progress("building the design", 0, 1)
         folder = folder or temporary
         if pins is not None:
-            face = library.pin_face(pins.top, firmware, chips.parts(chips.design_chips(config.design)))
+            face = library.pin_face(pins.top, firmware, chips.parts(chips.dac_chips(config.design)))
             at, name, more = rtl, pins.top, []
             if pins.map:
                 face, wrapped, name = library.write_map_wrapper(face, pins.map, pins.top, folder)

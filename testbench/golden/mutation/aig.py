@@ -37,13 +37,13 @@ class Graph(NamedTuple):
 
 def _parse_port_symbols(symbols, kind):
     """{port: positions} of the inputs or outputs."""
-    bits_by_port = {}
+    position_by_bit = {}
     for position, name, bit in re.findall(rf"^{kind}(\d+) (\S+?)(?:\[(\d+)\])?$", symbols, re.M):
-        bits_by_port.setdefault(name, {})[int(bit or 0)] = int(position)
-    for name, positions in bits_by_port.items():
+        position_by_bit.setdefault(name, {})[int(bit or 0)] = int(position)
+    for name, positions in position_by_bit.items():
         if sorted(positions) != list(range(len(positions))):
             raise FileError(f"port {name}: bits {sorted(positions)} are not 0 .. {len(positions) - 1}")
-    return {name: [positions[k] for k in range(len(positions))] for name, positions in bits_by_port.items()}
+    return {name: [positions[k] for k in range(len(positions))] for name, positions in position_by_bit.items()}
 
 
 def read(path):
@@ -55,11 +55,11 @@ def read(path):
     _, i, n, o, a = map(int, head[1:6])
     at = np.cumsum([1, i, n, o, a])
 
-    def parse_section(k, columns):
+    def read_number_rows(k, columns):
         rows = [line.split()[:columns] for line in lines[at[k] : at[k + 1]]]
         return np.array(rows, np.int64).reshape(-1, columns)
 
-    latches, outputs, ands = parse_section(1, 2), parse_section(2, 1), parse_section(3, 3)
+    latches, outputs, ands = read_number_rows(1, 2), read_number_rows(2, 1), read_number_rows(3, 3)
     expected = [2 * np.arange(1 + i, 1 + i + n), 2 * np.arange(1 + i + n, 1 + i + n + a)]
     if not (np.array_equal(latches[:, 0], expected[0]) and np.array_equal(ands[:, 0], expected[1])):
         raise FileError(f"{path}: nodes are not in order")

@@ -48,40 +48,40 @@ class Net:
 
     def less_or_equal(self, bits, limit):
         """Literal of an unsigned number <= limit; bits least first, limit within them."""
-        comparison = 1
+        leq_literal = 1
         for k, bit in enumerate(bits):
-            comparison = self.either(bit ^ 1, comparison) if limit >> k & 1 else self.both(bit ^ 1, comparison)
-        return comparison
+            leq_literal = self.either(bit ^ 1, leq_literal) if limit >> k & 1 else self.both(bit ^ 1, leq_literal)
+        return leq_literal
 
     def bound_literals(self, bits, signed, lo, hi):
         """Literals of `lo <= number` and `number <= hi` that are not always true."""
         lift = 1 << (len(bits) - 1) if signed else 0
         raised = [*bits[:-1], bits[-1] ^ 1] if signed else bits
         top = (1 << len(bits)) - 1
-        bounds = [self.less_or_equal(raised, lo + lift - 1) ^ 1] if lo + lift > 0 else []
-        return bounds + ([self.less_or_equal(raised, hi + lift)] if hi + lift < top else [])
+        non_trivial_bounds = [self.less_or_equal(raised, lo + lift - 1) ^ 1] if lo + lift > 0 else []
+        return non_trivial_bounds + ([self.less_or_equal(raised, hi + lift)] if hi + lift < top else [])
 
     def copy(self, graph, leaves):
         """(literals of the outputs, next literals of the flip-flops) of a `aig.Graph` with given leaves."""
         at = [0, *leaves]
-        for lhs, rhs in graph.ands.tolist():
-            at.append(self.both(at[lhs >> 1] ^ (lhs & 1), at[rhs >> 1] ^ (rhs & 1)))
+        for lhs_literal, rhs_literal in graph.ands.tolist():
+            at.append(self.both(at[lhs_literal >> 1] ^ (lhs_literal & 1), at[rhs_literal >> 1] ^ (rhs_literal & 1)))
         outs, following = graph.out_literals.tolist(), graph.latches.tolist()
         return [at[x >> 1] ^ (x & 1) for x in outs], [at[x >> 1] ^ (x & 1) for x in following]
 
     def fanin_nodes(self, literals, following):
         """Leaves and ANDs, as nodes, that literals depend on, now or later; `following` is {leaf: next literal}."""
-        visited, stack = {0}, [literal >> 1 for literal in literals]
+        visited_nodes, stack = {0}, [literal >> 1 for literal in literals]
         while stack:
             node = stack.pop()
-            if node in visited:
+            if node in visited_nodes:
                 continue
-            visited.add(node)
+            visited_nodes.add(node)
             if node >= self.first:
                 stack += [x >> 1 for x in self.ands[node - self.first]]
             elif node in following:
                 stack.append(following[node] >> 1)
-        return sorted(visited - {0})
+        return sorted(visited_nodes - {0})
 
 
 def compact(graph):
@@ -101,12 +101,12 @@ def compact(graph):
 
 def _delta(value):
     """A difference of literals, seven bits to the byte."""
-    encoded = bytearray()
+    encoded_bytes = bytearray()
     while value >> 7:
-        encoded.append(0x80 | value & 0x7F)
+        encoded_bytes.append(0x80 | value & 0x7F)
         value >>= 7
-    encoded.append(value)
-    return encoded
+    encoded_bytes.append(value)
+    return encoded_bytes
 
 
 def encode_aiger(net, literal, names, following, initial):

@@ -26,8 +26,8 @@ from testbench.errors import FileError
 from testbench.golden.mutation.miter import Net, encode_aiger
 
 # Bounds of the steps, in conflicts of one call of the solver and in clocks (frames of the proof)
-IPROVE = "iprove -N 4 -M 50000"
-SHORT_BMC, PROOF, LONG_BMC = "bmc3 -F 16 -C 20000", "scorr; pdr -F 60 -C 20000", "bmc3 -F 600 -C 2000"
+IPROVE_STEP = "iprove -N 4 -M 50000"
+SHORT_BMC_STEP, PROOF, LONG_BMC_STEP = "bmc3 -F 16 -C 20000", "scorr; pdr -F 60 -C 20000", "bmc3 -F 600 -C 2000"
 CPU_S = 10
 TOOLS = ("yosys", "yosys-abc")
 # Blocks that need not stand an input, but while a register is 0: {block: (input, register)}
@@ -69,8 +69,8 @@ def _read_counterexample(path, inputs):
 def copy_design(graph, select, number, net=None):
     """(outputs, next literals of the flip-flops) of the design with a number at the input `select`, in `net`."""
     leaves = [2 * (k + 1) for k in range(graph.in_count + len(graph.latches))]
-    for k, leaf in enumerate(select):
-        leaves[leaf] = number >> k & 1
+    for k, leaf_index in enumerate(select):
+        leaves[leaf_index] = number >> k & 1
     return (net or Net(len(leaves))).copy(graph, leaves)
 
 
@@ -127,7 +127,7 @@ class Judge:
             return literal == 0
         names = self._names | {node: f"q{node}" for node in self._following}
         (self._work / f"{name}.aig").write_bytes(encode_aiger(self.net, literal, names, {}, {}))
-        abc_output = _abc([f"read_aiger {name}.aig", "strash", IPROVE], self._work, self.what) or ""
+        abc_output = _abc([f"read_aiger {name}.aig", "strash", IPROVE_STEP], self._work, self.what) or ""
         return bool(re.search(r"\bUNSATISFIABLE", abc_output))
 
     def _guesses(self):
@@ -164,8 +164,8 @@ class Judge:
         literal = net.both(differs, 2 * self._broken ^ 1)
         path, trace_path = self._work / f"ever_{number}.aig", self._work / f"trace_{number}.txt"
         path.write_bytes(encode_aiger(net, literal, names, self._following, self._initial))
-        clear, aborted_steps = 0, ""
-        for way in (SHORT_BMC, PROOF, LONG_BMC):
+        clocks, aborted_steps = 0, ""
+        for way in (SHORT_BMC_STEP, PROOF, LONG_BMC_STEP):
             commands = [f"read_aiger {path.name}", "strash", way, f"write_cex -n {trace_path.name}"]
             abc_output = _abc(commands, self._work, self.what)
             if abc_output is None:
@@ -176,8 +176,8 @@ class Judge:
                 return Verdict("alive", f"differs {len(trace)} clocks after reset", trace)
             if "Property proved" in abc_output or "all reachable states" in abc_output:
                 return Verdict("equivalent", "in every state that can be reached", [])
-            clear = max([clear, *map(int, re.findall(r"No output asserted in (\d+) frames", abc_output))])
-        return Verdict("undecided", f"no difference within {clear} clocks from reset, and no proof{aborted_steps}", [])
+            clocks = max([clocks, *map(int, re.findall(r"No output asserted in (\d+) frames", abc_output))])
+        return Verdict("undecided", f"no difference within {clocks} clocks from reset, and no proof{aborted_steps}", [])
 
     def verdict(self, number):
         """Verdict on a fault."""

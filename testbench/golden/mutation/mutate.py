@@ -92,13 +92,13 @@ class Outcome(NamedTuple):
 def sources(manifest, rtl):
     """Files of the design: parts first, the block last; raises FileError if one is missing."""
     stem = manifest["block"]
-    paths = []
+    source_paths = []
     for name in (*benches.PARTS.get(stem, ()), stem):
         path = Path(rtl).resolve() / f"{name}.v"
         if not path.is_file():
             raise FileError(f"{path}: no such file; the design of {stem} needs it")
-        paths.append(path)
-    return paths
+        source_paths.append(path)
+    return source_paths
 
 
 def parameters(manifest):
@@ -233,6 +233,6 @@ def record(folder, outcome):
     """Write the outcome into the provenance of the bundle's manifest, which no hash covers."""
     path = Path(folder) / bundle.MANIFEST
     manifest = bundle.verify(folder)
-    summary = {k: v for k, v in outcome.to_dict().items() if k not in ("block", "case")}
-    manifest["provenance"]["mutation"] = summary
+    outcome_entries = {k: v for k, v in outcome.to_dict().items() if k not in ("block", "case")}
+    manifest["provenance"]["mutation"] = outcome_entries
     write_text(path, json.dumps(manifest, indent=1, ensure_ascii=True) + "\n")

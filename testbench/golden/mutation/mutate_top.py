@@ -70,19 +70,19 @@ def _prepare(params, rtl, work):
 # ---- clocks, 64 at a time ------------------------------------------------------------------------------------------
 
 
-def _pack_bits(column, bit):
+def _pack_column_bit(column, bit):
     """One bit of a column of integers as words, the first row in the lowest bit."""
     bits = np.packbits((column >> bit & 1).astype(np.uint8), bitorder="little")
     return np.frombuffer(bits.tobytes() + bytes(-len(bits) % 8), np.uint64)
 
 
 @kernel
-def _evaluate(ands, leaves, batch, values):
+def _evaluate(ands, leaves, batch_index, values):
     """Values of all literals in one word; `values[2]` is that of the first leaf."""
     first = 2 * (1 + leaves.shape[0])
     for k in range(leaves.shape[0]):
-        values[2 * k + 2] = leaves[k, batch]
-        values[2 * k + 3] = ~leaves[k, batch]
+        values[2 * k + 2] = leaves[k, batch_index]
+        values[2 * k + 3] = ~leaves[k, batch_index]
     for k in range(ands.shape[0]):
         word = values[ands[k, 0]] & values[ands[k, 1]]
         values[first + 2 * k] = word
@@ -94,27 +94,27 @@ def _first_true_row(ands, leaves, literal, count):
     """First row in which a literal is 1, or -1."""
     values = np.zeros(2 * (1 + leaves.shape[0] + ands.shape[0]), np.uint64)
     values[1] = ~np.uint64(0)
-    for batch in range(leaves.shape[1]):
-        _evaluate(ands, leaves, batch, values)
+    for batch_index in range(leaves.shape[1]):
+        _evaluate(ands, leaves, batch_index, values)
         if values[literal] != 0:
             for k in range(WORD):
-                if values[literal] >> np.uint64(k) & np.uint64(1) and WORD * batch + k < count:
-                    return WORD * batch + k
+                if values[literal] >> np.uint64(k) & np.uint64(1) and WORD * batch_index + k < count:
+                    return WORD * batch_index + k
     return -1
 
 
 @kernel
-def _first_mismatch(ands, leaves, literals, expected_bits, count, values):
+def _first_mismatch(ands, leaves, literals, expected_words, count, values):
     """First row in which one of the literals is not as wanted, or -1."""
-    for batch in range(leaves.shape[1]):
-        _evaluate(ands, leaves, batch, values)
+    for batch_index in range(leaves.shape[1]):
+        _evaluate(ands, leaves, batch_index, values)
         bad = np.uint64(0)
         for k in range(literals.shape[0]):
-            bad |= values[literals[k]] ^ expected_bits[k, batch]
+            bad |= values[literals[k]] ^ expected_words[k, batch_index]
         if bad != 0:
             for k in range(WORD):
-                if bad >> np.uint64(k) & np.uint64(1) and WORD * batch + k < count:
-                    return WORD * batch + k
+                if bad >> np.uint64(k) & np.uint64(1) and WORD * batch_index + k < count:
+                    return WORD * batch_index + k
     return -1
 
 
@@ -187,25 +187,25 @@ class _Design:
         """First row in which the sound design does not do what the model does, or -1."""
         net, graph = self.judge.net, self._graph
         leaves = np.zeros((net.first - 1, -(-len(rows) // WORD)), np.uint64)
-        literals, expected_bits = [], []
+        literals, expected_words = [], []
         outs, following = self.judge.sound
         for (column, bit, flip), leaf in self._where:
-            word = _pack_bits(rows[:, column], bit)
+            word = _pack_column_bit(rows[:, column], bit)
             leaves[leaf - 1] = ~word if flip else word
             if leaf > graph.in_count:
                 literals.append(following[leaf - graph.in_count - 1])
-                after = _pack_bits(rows[1:, column], bit)
-                expected_bits.append(np.resize(~after if flip else after, leaves.shape[1]))
+                after = _pack_column_bit(rows[1:, column], bit)
+                expected_words.append(np.resize(~after if flip else after, leaves.shape[1]))
         for column, (name, fmt) in enumerate(zip(top.Pins._fields, top.PINS_FMT, strict=True)):
             for bit, position in enumerate(graph.outputs[f"o_{name}"]):
                 literals.append(outs[position])
-                expected_bits.append(_pack_bits(pins[:, column], bit))
+                expected_words.append(_pack_column_bit(pins[:, column], bit))
                 assert bit < fmt.width
         ands = np.array(net.ands[: self.judge.shared], np.int64).reshape(-1, 2)
         values = np.zeros(2 * (1 + len(leaves) + len(ands)), np.uint64)
         values[1] = ~np.uint64(0)
         return int(
-            _first_mismatch(ands, leaves, np.array(literals, np.int64), np.array(expected_bits), len(rows) - 1, values)
+            _first_mismatch(ands, leaves, np.array(literals, np.int64), np.array(expected_words), len(rows) - 1, values)
         )
 
     def find_first_true_row(self, literal, rows):
@@ -220,7 +220,7 @@ class _Design:
         leaves = np.zeros((count, -(-len(rows) // WORD)), np.uint64)
         for (column, bit, flip), leaf in self._where:
             if leaf in at:
-                word = _pack_bits(rows[:, column], bit)
+                word = _pack_column_bit(rows[:, column], bit)
                 leaves[at[leaf] // 2 - 1] = ~word if flip else word
         gates = np.array(ands, np.int64).reshape(-1, 2)
         return int(_first_true_row(gates, leaves, at[literal >> 1] ^ (literal & 1), len(rows)))
@@ -228,7 +228,7 @@ class _Design:
 
 def _find_killed_faults(design, mutants):
     """Numbers of the faults that some clock of the recording shows; FileError if the sound design differs."""
-    open_faults = {m.number: design.judge.differs(m.number) for m in mutants}
+    difference_literals = {m.number: design.judge.differs(m.number) for m in mutants}
     killed = set()
     for begin, rows, pins in design.chunks():
         bad = design.check(rows, pins)
@@ -236,10 +236,10 @@ def _find_killed_faults(design, mutants):
             raise FileError(
                 f"top/{design.r.name}: the design differs from the model at clock {begin + bad}: it has no score"
             )
-        for number, literal in list(open_faults.items()):
+        for number, literal in list(difference_literals.items()):
             if design.find_first_true_row(literal, rows) >= 0:
                 killed.add(number)
-                del open_faults[number]
+                del difference_literals[number]
     return killed
 
 

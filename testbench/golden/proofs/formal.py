@@ -120,7 +120,7 @@ def _design(block, case, rtl, choice):
         candidate_sources = rtl_sources.folder_sources(rtl, block.stem) or (
             rtl_sources.folder_sources(rtl, port_map.top) if port_map else []
         )
-    candidate_sources = [candidate for candidate in candidate_sources if candidate.language == "verilog"]
+    candidate_sources = [source_set for source_set in candidate_sources if source_set.language == "verilog"]
     if not candidate_sources:
         raise FileError(f"{choice.files or rtl}: no {block.stem}.v or .sv; a proof reads Verilog")
     if port_map is None:
@@ -133,13 +133,13 @@ def _top(block, case, checker, design):
     settings = [(name, fmt.width, raw & ((1 << fmt.width) - 1)) for name, raw, fmt in layout.set_params(block, case)]
     declared = set(re.findall(r"\bparameter\s+(?:signed\s+)?(?:\[\d+:0\]\s*)?(\w+)", checker))
     inputs = [("clk", 1), *((p.name, p.width) for p in block.columns)]
-    result_ports = [(name, p.width) for name, p in layout.result_pairs(block)]
+    result_ports = [(name, p.width) for name, p in layout.result_port_pairs(block)]
     widths = dict(inputs + result_ports)
     for name, width in _checker_ports(checker):
         if widths.get(name) != width:
             raise FileError(f"{block.stem}: the properties speak of a port {name} of {width} bits; there is none")
 
-    def module_instance(module, label, names, parameters):
+    def instance_text(module, label, names, parameters):
         values = ", ".join(f".{name}({width}'h{raw:x})" for name, width, raw in parameters)
         ports = ", ".join(f".{name}({name})" for name in names)
         return f"    {module} #({values}) {label} ({ports});" if values else f"    {module} {label} ({ports});"
@@ -148,9 +148,9 @@ def _top(block, case, checker, design):
     ports = ", ".join(f"input wire [{width - 1}:0] {name}" for name, width in inputs + unseen)
     lines = [f"module {TOP} ({ports});"]
     lines += [f"    wire [{width - 1}:0] {name};" for name, width in result_ports if name in design.ports]
-    lines.append(module_instance(design.module, "dut", [name for name, _ in inputs] + list(design.ports), settings))
+    lines.append(instance_text(design.module, "dut", [name for name, _ in inputs] + list(design.ports), settings))
     used = [name for name, _ in _checker_ports(checker)]
-    lines.append(module_instance(f"prove_{block.stem}", "properties", used, [g for g in settings if g[0] in declared]))
+    lines.append(instance_text(f"prove_{block.stem}", "properties", used, [g for g in settings if g[0] in declared]))
     return "\n".join([*lines, "endmodule"]) + "\n", [name for name, _ in unseen]
 
 
@@ -220,10 +220,10 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
         raise ConfigError(f"level: no property of {stem} speaks of ports at level {level} alone")
     if why.startswith("no failure") and not base_only and len(tried) > 1:
         # the others may stand without it
-        single_proofs = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
-        proven, invariant = all(p.proven for p in single_proofs), sum((p.invariant for p in single_proofs), ())
-        broken = next((p for p in single_proofs if p.why.startswith("a property fails")), None)
-        open_ones = ", ".join(p.properties[0] for p in single_proofs if not p.proven)
+        property_proofs = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
+        proven, invariant = all(p.proven for p in property_proofs), sum((p.invariant for p in property_proofs), ())
+        broken = next((p for p in property_proofs if p.why.startswith("a property fails")), None)
+        open_ones = ", ".join(p.properties[0] for p in property_proofs if not p.proven)
         why = f"{why} of {open_ones}; the rest is proven" if open_ones else ""
         why = f"{broken.why}: {broken.properties[0]}" if broken else why
     untried = tuple(name for name in selected if name not in tried)

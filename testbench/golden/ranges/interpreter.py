@@ -48,7 +48,7 @@ class Source(NamedTuple):
 
 
 @cache
-def source_tree(func):
+def read_function_source(func):
     """Tree of a function, compiled or not."""
     plain = getattr(func, "py_func", func)
     text = textwrap.dedent(inspect.getsource(plain))
@@ -154,18 +154,18 @@ class Interpreter:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             return self.split_paths(node.operand, path)[::-1]
         if isinstance(node, ast.BoolOp):
-            on, decided_paths = [path], []
+            on, short_circuit_paths = [path], []
             for part in node.values:
                 following = []
                 for way in on:
                     true, false = self.split_paths(part, way)
                     following += true if isinstance(node.op, ast.And) else false
-                    decided_paths += false if isinstance(node.op, ast.And) else true
+                    short_circuit_paths += false if isinstance(node.op, ast.And) else true
                 on = following
-            return (on, decided_paths) if isinstance(node.op, ast.And) else (decided_paths, on)
+            return (on, short_circuit_paths) if isinstance(node.op, ast.And) else (short_circuit_paths, on)
         if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Is):  # an optional part is there, or not
-            is_present = self.single(node.left, path) is not self.single(node.comparators[0], path)
-            return ([], [path]) if is_present else ([path], [])
+            is_distinct = self.single(node.left, path) is not self.single(node.comparators[0], path)
+            return ([], [path]) if is_distinct else ([path], [])
         if isinstance(node, ast.Compare):
             if len(node.ops) != 1 or type(node.ops[0]) not in COMPARE:
                 raise self.unsupported_error(node)
@@ -218,19 +218,19 @@ class Interpreter:
 
     def boolean(self, node, path):
         """`and`, `or` as values: the operand that decides."""
-        on, path_values = [path], []
+        on, path_value_pairs = [path], []
         for part in node.values[:-1]:
             following = []
             for way in on:
                 true, false = self.split_paths(part, way)
                 if isinstance(node.op, ast.And):
                     following += true
-                    path_values += [(w, 0) for w in false]
+                    path_value_pairs += [(w, 0) for w in false]
                 else:
                     following += false
-                    path_values += [pair for w in true for pair in self.fork_paths(part, w)]
+                    path_value_pairs += [pair for w in true for pair in self.fork_paths(part, w)]
             on = following
-        return path_values + [pair for way in on for pair in self.fork_paths(node.values[-1], way)]
+        return path_value_pairs + [pair for way in on for pair in self.fork_paths(node.values[-1], way)]
 
     def evaluate_expression(self, node, path):
         """Value of an expression that does not fork by itself."""
@@ -317,29 +317,29 @@ class Interpreter:
         func = self.single(node.func, path)
         if isinstance(func, type) and hasattr(func, "_fields"):
             return self.record(func, node, path)
-        positional, keywords = self.arguments(node, path)
+        positional_values, keyword_values = self.arguments(node, path)
         if func in self.hooks:
-            return [(path, self.hooks[func](path, *positional, **keywords))]
+            return [(path, self.hooks[func](path, *positional_values, **keyword_values))]
         if func is int:
-            return [(path, positional[0])]
+            return [(path, positional_values[0])]
         if func is abs:
-            return [(path, self.track_range(node, path, path.magnitude(positional[0])))]
-        return self.function(func, positional, keywords, path)
+            return [(path, self.track_range(node, path, path.magnitude(positional_values[0])))]
+        return self.function(func, positional_values, keyword_values, path)
 
     def arguments(self, node, path):
-        positional = [self.single(item, path) for item in node.args]
-        return positional, {item.arg: self.single(item.value, path) for item in node.keywords}
+        positional_values = [self.single(item, path) for item in node.args]
+        return positional_values, {item.arg: self.single(item.value, path) for item in node.keywords}
 
-    def evaluate_memoised_call(self, func, positional, keywords, path):
+    def evaluate_memoised_call(self, func, positional_values, keyword_values, path):
         """One value of a call, from its arguments alone: the same arguments and intervals give the same value."""
-        values = (*positional, *keywords.values())
+        values = (*positional_values, *keyword_values.values())
         atoms = sorted(set(iterate_atoms(values)))
         argument_atoms = set(atoms)
         relations = tuple(r for r in path.relations if all(atom in argument_atoms for atom, _ in r[0]))
-        key = (func, values, tuple(keywords), tuple(path.bounds[atom] for atom in atoms), relations)
+        key = (func, values, tuple(keyword_values), tuple(path.bounds[atom] for atom in atoms), relations)
         if key not in self.seen:
             inside = Path(path.run, {}, {atom: path.bounds[atom] for atom in atoms}, relations)
-            after, value = join(self.function(func, positional, keywords, inside), {})
+            after, value = join(self.function(func, positional_values, keyword_values, inside), {})
             self.seen[key] = value, {atom: after.bounds[atom] for atom in set(iterate_atoms((value,)))}
         value, bounds = self.seen[key]
         for atom, (lo, hi) in bounds.items():
@@ -349,22 +349,22 @@ class Interpreter:
 
     def record(self, func, node, path):
         """A record; ways through the functions that are kept apart stay apart."""
-        path_values = [(path, ())]
+        path_value_pairs = [(path, ())]
         names = func._fields[: len(node.args)] + tuple(item.arg for item in node.keywords)
         for part in (*node.args, *(item.value for item in node.keywords)):
             split = isinstance(part, ast.Call) and self.single(part.func, path) in self.apart
             following = []
-            for way, values in path_values:
+            for way, values in path_value_pairs:
                 pairs = self.fork_paths(part, way) if split else [(way, self.single(part, way))]
                 following += [(after, (*values, value)) for after, value in pairs]
-            path_values = following
-        return [(way, func(**dict(zip(names, values)))) for way, values in path_values]
+            path_value_pairs = following
+        return [(way, func(**dict(zip(names, values)))) for way, values in path_value_pairs]
 
-    def function(self, func, positional, keywords, path):
+    def function(self, func, positional_values, keyword_values, path):
         """Ways through a function, joined where they return the same constant or no constant at all."""
-        function_source = source_tree(func)
+        function_source = read_function_source(func)
         parameters = [item.arg for item in function_source.tree.args.args]
-        env = {**dict(zip(parameters, positional)), **keywords}
+        env = {**dict(zip(parameters, positional_values)), **keyword_values}
         self.where.append(function_source)
         on, returned = self.run(function_source.tree.body, [path.copy(env)])
         self.where.pop()
@@ -381,10 +381,10 @@ class Interpreter:
             return [[pair] for pair in returned]
         groups = {}
         for way, value in returned:
-            constant = way.value(value) if is_number(value) else None
+            return_constant = way.value(value) if is_number(value) else None
             if records:
-                constant = tuple(x if isinstance(x, int) else None for x in value)
-            groups.setdefault(None if isinstance(constant, Lin) else constant, []).append((way, value))
+                return_constant = tuple(x if isinstance(x, int) else None for x in value)
+            groups.setdefault(None if isinstance(return_constant, Lin) else return_constant, []).append((way, value))
         return list(groups.values()) if len(groups) <= MOST_PATHS else [returned]
 
     # ---- records -----------------------------------------------------------------------------------------------------
@@ -431,13 +431,13 @@ def merge_paths(paths, tracked_names, tied):
         return paths
     groups = {}
     for path in paths:
-        constants = []
+        tracked_constants = []
         for name, value in path.env.items():
             if (name in tracked_names or name in tied) and is_number(value):
                 value = path.value(value)
                 if name in tied or not isinstance(value, Lin):
-                    constants.append((name, value))
-        groups.setdefault(tuple(constants), []).append((path, None))
+                    tracked_constants.append((name, value))
+        groups.setdefault(tuple(tracked_constants), []).append((path, None))
     if len(groups) > MOST_PATHS:
         groups = {None: [(path, None) for path in paths]}
     return [join(group)[0] for group in groups.values()]

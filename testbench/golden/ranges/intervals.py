@@ -33,10 +33,10 @@ class Lin:
 
 def _add_terms(a, b, k):
     """Terms of a + k*b."""
-    coefficients = dict(a)
+    coef_by_atom = dict(a)
     for atom, coef in b:
-        coefficients[atom] = coefficients.get(atom, 0) + k * coef
-    return tuple(sorted((atom, coef) for atom, coef in coefficients.items() if coef))
+        coef_by_atom[atom] = coef_by_atom.get(atom, 0) + k * coef
+    return tuple(sorted((atom, coef) for atom, coef in coef_by_atom.items() if coef))
 
 
 def form(const, terms, shift=0):
@@ -52,8 +52,8 @@ def _split_shift(x):
     """(whole part, shifted part) of a shifted sum: terms that the shift divides need not be under it."""
     unit = 1 << x.shift
     outer = tuple((atom, coef >> x.shift) for atom, coef in x.terms if coef % unit == 0)
-    remainder_terms = tuple((atom, coef) for atom, coef in x.terms if coef % unit)
-    return Lin(x.const >> x.shift, outer), Lin(x.const % unit, remainder_terms, x.shift)
+    non_multiple_terms = tuple((atom, coef) for atom, coef in x.terms if coef % unit)
+    return Lin(x.const >> x.shift, outer), Lin(x.const % unit, non_multiple_terms, x.shift)
 
 
 class Run:
@@ -332,31 +332,31 @@ class Path:
 # ---- joins -----------------------------------------------------------------------------------------------------------
 
 
-def _join_values(path, path_values):
+def _join_values(path, path_value_pairs):
     """One value of several (path, value), valid in the joined `path`."""
-    first = path_values[0][1]
-    if all(value is first for _, value in path_values):
+    first = path_value_pairs[0][1]
+    if all(value is first for _, value in path_value_pairs):
         return first
-    if isinstance(first, tuple) and all(type(v) is type(first) and len(v) == len(first) for _, v in path_values):
-        items = [_join_values(path, [(p, v[k]) for p, v in path_values]) for k in range(len(first))]
+    if isinstance(first, tuple) and all(type(v) is type(first) and len(v) == len(first) for _, v in path_value_pairs):
+        items = [_join_values(path, [(p, v[k]) for p, v in path_value_pairs]) for k in range(len(first))]
         return type(first)(*items) if hasattr(first, "_fields") else tuple(items)
-    if not all(isinstance(value, (int, Lin)) for _, value in path_values):
-        raise TypeError(f"no join of {first!r} and {path_values[-1][1]!r}")
-    if all(value == first for _, value in path_values):
+    if not all(isinstance(value, (int, Lin)) for _, value in path_value_pairs):
+        raise TypeError(f"no join of {first!r} and {path_value_pairs[-1][1]!r}")
+    if all(value == first for _, value in path_value_pairs):
         return first
-    spans = [p.value_interval(value) for p, value in path_values]
+    spans = [p.value_interval(value) for p, value in path_value_pairs]
     joined = path.new(min(lo for lo, _ in spans), max(hi for _, hi in spans))
     if isinstance(joined, Lin):
-        path.run.choices[joined.terms[0][0]] = [(value, span) for (_, value), span in zip(path_values, spans)]
+        path.run.choices[joined.terms[0][0]] = [(value, span) for (_, value), span in zip(path_value_pairs, spans)]
     return joined
 
 
-def join(path_values, env=None):
+def join(path_value_pairs, env=None):
     """(path, value) that covers several; local names are joined unless `env` is given."""
-    if len(path_values) == 1:
-        path, value = path_values[0]
+    if len(path_value_pairs) == 1:
+        path, value = path_value_pairs[0]
         return (path if env is None else path.copy(env)), value
-    paths = [path for path, _ in path_values]
+    paths = [path for path, _ in path_value_pairs]
     bounds = {}
     other_bounds = [path.bounds for path in paths[1:]]
     for atom, ends in paths[0].bounds.items():
@@ -374,4 +374,4 @@ def join(path_values, env=None):
         shared = [name for name in paths[0].env if all(name in other.env for other in paths[1:])]
         env = {name: _join_values(joined, [(p, p.env[name]) for p in paths]) for name in shared}
     joined.env = env
-    return joined, _join_values(joined, path_values)
+    return joined, _join_values(joined, path_value_pairs)

@@ -16,7 +16,7 @@ def _ends(pair):
     return None if pair is None else list(pair)
 
 
-def column_ranges(rows):
+def column_min_max(rows):
     """[lowest, highest] of each column; None without rows."""
     if not len(rows):
         return [None] * rows.shape[1]
@@ -28,10 +28,10 @@ def range_entry(block, case, regs, pins):
 
     regs, pins  what the case's vectors made of them, a column each
     """
-    analysis = ranges.analyse_cached(block.stem, block.cases[case], block.design)
+    range_analysis = ranges.analyse_cached(block.stem, block.cases[case], block.design)
     port_entries = []
     for one, span in zip(
-        (*analysis.registers, *analysis.pins), column_ranges(np.column_stack([regs, pins])), strict=True
+        (*range_analysis.registers, *range_analysis.pins), column_min_max(np.column_stack([regs, pins])), strict=True
     ):
         port_entries.append(
             {
@@ -43,15 +43,15 @@ def range_entry(block, case, regs, pins):
                 "proof": "width only" if one.proven is None else "induction",
             }
         )
-    widest = analysis.widest
+    widest = range_analysis.widest
     return {
         "ports": port_entries,
         "relations": ranges.relations_text(block),
         "widest": widest and {"bits": widest.bits, "lo": widest.lo, "hi": widest.hi, "in": widest.function,
                               "expression": widest.text},
         "limit_bits": MAX_WIDTH,
-        "results": len(analysis.results),
-        "proven": analysis.sound,
+        "results": len(range_analysis.results),
+        "proven": range_analysis.sound,
     }  # fmt: skip
 
 
@@ -61,7 +61,7 @@ def case_range_entry(block, case):
     return range_entry(block, case, *blocks.run(block, case, stim))
 
 
-def _align_columns(rows):
+def _aligned_table_lines(rows):
     """Text columns: the first to the left, the others to the right."""
     sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = []
@@ -96,6 +96,6 @@ def text(title, data):
     lines = [f"# Ranges of {title}", "", verdict(data) + "."]
     if data["relations"]:
         lines.append("Relations proven with them: " + ";  ".join(data["relations"]) + ".")
-    lines += ["", *(f"    {line}" for line in _align_columns(rows)), ""]
+    lines += ["", *(f"    {line}" for line in _aligned_table_lines(rows)), ""]
     lines.append("Proven: for every input in its format and a reset at any edge. Seen: in the vectors of this bundle.")
     return "\n".join(lines) + "\n"

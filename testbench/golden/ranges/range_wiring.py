@@ -16,7 +16,7 @@ from fpga_model.block import block_modules, fill_shape, leaves, port_name
 from fpga_model.fixed import MAX_WIDTH
 from testbench.config import Config
 from testbench.golden.ranges import ranges
-from testbench.golden.ranges.interpreter import Interpreter, source_tree
+from testbench.golden.ranges.interpreter import Interpreter, read_function_source
 from testbench.golden.ranges.intervals import Path, Run
 from testbench.golden.stimulus import blocks
 from testbench.run import build
@@ -79,7 +79,7 @@ class _Check:
 
     def arrives(self, func, path, positional, keywords):
         """A block's step: note what it gets, return its registers as they were proven."""
-        function_source = source_tree(func)
+        function_source = read_function_source(func)
         bound = {**dict(zip([item.arg for item in function_source.tree.args.args], positional)), **keywords}
         record = bound.pop("s")
         name = self.names[id(record)]

@@ -66,7 +66,7 @@ class Analysis(NamedTuple):
     @property
     def widest(self):
         """The widest result that is not a constant, or None."""
-        return next((operation for operation in self.results if operation.lo != operation.hi), None)
+        return next((result for result in self.results if result.lo != result.hi), None)
 
     @property
     def sound(self):
@@ -98,9 +98,9 @@ class Edge:
         self.structure = structure(module, block.record) if module else {}
         self.names = [port_name(path) for path, _ in leaves(block.state)]
         self.fmts = [port.fmt for port in block.registers]
-        index_by_name = {name: k for k, name in enumerate(self.names)}
-        self.split = [(index_by_name[name.rstrip("?")], name.endswith("?")) for name in block.split]
-        self.relations = [[(index_by_name[name], coef) for name, coef in sums.items()] for sums in block.relations]
+        register_index = {name: k for k, name in enumerate(self.names)}
+        self.split = [(register_index[name.rstrip("?")], name.endswith("?")) for name in block.split]
+        self.relations = [[(register_index[name], coef) for name, coef in sums.items()] for sums in block.relations]
         self.kept = frozenset(name.rstrip("?").rpartition("_")[2] for name in block.split)
         self.kept |= {name.rstrip("?") for name in block.split}
         self.tied = frozenset(name for sums in block.relations for name in sums)
@@ -109,11 +109,11 @@ class Edge:
         self.body = loop.body
         self.reset = [int(value) for _, value in leaves(block.state)]
         self.run = Run()
-        self.clear_records()
+        self.clear_observations()
 
-    def clear_records(self):
+    def clear_observations(self):
         """Forget what was noted: pins, writes, arithmetic."""
-        self.pins, self.interpreter = {}, Interpreter({}, self._track_store, SPLIT_FUNCTIONS, self.kept, self.tied)
+        self.pins, self.interpreter = {}, Interpreter({}, self._track_pin_store, SPLIT_FUNCTIONS, self.kept, self.tied)
         self.written = [(x, x) for x in self.reset]
 
     def key(self, row):
@@ -134,7 +134,7 @@ class Edge:
         register_values = iter([path.value(x) for x in values])
         return fill_shape(self.block.state, lambda _: next(register_values))
 
-    def _track_store(self, name, index, value, path):
+    def _track_pin_store(self, name, index, value, path):
         if name == "_pins":
             self._pin(index[1], path.value_interval(value))
 
@@ -230,7 +230,7 @@ def _empty(box):
     return any(lo > hi for lo, hi in box)
 
 
-def _step_boxes(edge, boxes):
+def _boxes_after_edge(edge, boxes):
     """{control state: box} of the reset and of one edge from everything in `boxes`."""
     next_boxes = edge.initial_boxes()
     for box in boxes.values():
@@ -264,8 +264,8 @@ def _invariant(edge):
             if key not in todo:
                 todo.append(key)
     for _ in range(NARROWINGS):
-        edge.clear_records()
-        image = _step_boxes(edge, boxes)
+        edge.clear_observations()
+        image = _boxes_after_edge(edge, boxes)
         after = {key: _clip_box(edge, box) for key, box in image.items()}
         # a register holds what was last written to it, in whatever control state that was
         written = edge.written + [(-FAR, FAR)] * len(edge.relations)
@@ -277,8 +277,8 @@ def _invariant(edge):
         if tighter == boxes:
             return boxes, image
         boxes = {key: box for key, box in tighter.items() if not _empty(box)}
-    edge.clear_records()
-    return boxes, _step_boxes(edge, boxes)
+    edge.clear_observations()
+    return boxes, _boxes_after_edge(edge, boxes)
 
 
 def analyse(block, params):
@@ -286,8 +286,8 @@ def analyse(block, params):
     edge = Edge(block, 0 if params is None else params)
     boxes, after = _invariant(edge)  # the proof: everything below is judged on the last pass alone
     problems = [
-        f"{source_operation.function}, line {source_operation.line}: {source_operation.text}: {text}"
-        for source_operation, text in edge.interpreter.problems.items()
+        f"{problem_operation.function}, line {problem_operation.line}: {problem_operation.text}: {text}"
+        for problem_operation, text in edge.interpreter.problems.items()
     ]
     registers = []
     for k, port in enumerate(block.registers):
@@ -299,7 +299,7 @@ def analyse(block, params):
             problems.append(f"{port.name}: {step[0]} .. {step[1]} leaves {port.fmt}; not proven: width only")
             proven = None
         registers.append(Range(port.name, port.fmt, proven, step))
-    if not problems and not _is_inductive(after, boxes):
+    if not problems and not _is_closed_by_edge(after, boxes):
         problems.append("the induction does not close")
     pins = []
     for k, port in enumerate(block.pins):
@@ -319,7 +319,7 @@ def analyse(block, params):
     return Analysis(tuple(registers), tuple(pins), tuple(results), tuple(problems))
 
 
-def _is_inductive(after, boxes):
+def _is_closed_by_edge(after, boxes):
     """Whether F(X) is in X."""
     return all(
         key in boxes and all(b[0] <= a[0] and a[1] <= b[1] for a, b in zip(box, boxes[key]))

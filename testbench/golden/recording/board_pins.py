@@ -14,16 +14,16 @@ from testbench.golden.recording import signature
 
 # data pin: what selects its chip (active low), and what says that SCLK runs
 READ = {f"{role}_sdin": (f"{role}_sync_n", f"{role}_sclk_en") for role in ("drive", "sense", "quadrature")}
-PIN_INDEX = top.Pins._fields.index
+pin_column = top.Pins._fields.index
 WIDTHS = tuple(fmt.width for fmt in top.PINS_FMT)
 
 
 def read(pins):
     """Rows of pins, with 0 where no chip reads a data pin."""
-    board_rows = pins.copy()
+    board_pin_rows = pins.copy()
     for data, (select_n, running) in READ.items():
-        board_rows[:, PIN_INDEX(data)] &= ~pins[:, PIN_INDEX(select_n)] & pins[:, PIN_INDEX(running)]
-    return board_rows
+        board_pin_rows[:, pin_column(data)] &= ~pins[:, pin_column(select_n)] & pins[:, pin_column(running)]
+    return board_pin_rows
 
 
 class Board:
@@ -39,13 +39,13 @@ class Board:
     def read(self, pins, first, host):
         """The rows from clock `first` on; `host` are the events of a `replay.Stimulus`."""
         rows, most = np.concatenate([self._before, read(pins)]), len(self._before)
-        board_rows, self._before = rows[most:].copy(), rows[len(rows) - most :].copy()
+        board_pin_rows, self._before = rows[most:].copy(), rows[len(rows) - most :].copy()
         resets = np.r_[-1, host[host[:, 1] == 1, 0]]
         at = first + np.arange(len(pins))
         age = at - 1 - resets[np.searchsorted(resets, at) - 1]
         for name, k in self.clocks.items():
-            board_rows[:, PIN_INDEX(name)] = np.where(age < k, 0, rows[most - k : len(rows) - k, PIN_INDEX(name)])
-        return board_rows
+            board_pin_rows[:, pin_column(name)] = np.where(age < k, 0, rows[most - k : len(rows) - k, pin_column(name)])
+        return board_pin_rows
 
     @staticmethod
     def signatures(rows, clocks):
@@ -53,7 +53,7 @@ class Board:
         words = np.zeros(len(rows), np.int64)
         for k, width in enumerate(WIDTHS):
             words = words << width | rows[:, k]
-        return signature.word_signatures(words, clocks)
+        return signature.frame_signatures(words, clocks)
 
 
 assert sum(WIDTHS) <= signature.CHUNK, "a row of pins is one word"

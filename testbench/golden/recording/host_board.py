@@ -23,8 +23,8 @@ HEAD, TAIL = "\n);\n", "\n    );\n\nendmodule\n"
 
 def read_paths(design):
     """{dotted path: format} of the firmware's registers that the port reads."""
-    register_formats = dict(format_leaves(formats(top.State, design)))
-    return {path: register_formats[path] for path in (*(r.path for r in registers.MAP if r.path), *READ)}
+    format_by_path = dict(format_leaves(formats(top.State, design)))
+    return {path: format_by_path[path] for path in (*(r.path for r in registers.MAP if r.path), *READ)}
 
 
 def _vector_prefix(width):
@@ -39,7 +39,7 @@ def text(params, port=host):
     lines = [
         line for line in board_recording.text(params).split("\n") if line.split()[-1:] not in ([f"{n},"] for n in bus)
     ]
-    verilog = "\n".join(lines)
+    board_verilog = "\n".join(lines)
     pins = [f"    input wire {_vector_prefix(fmt.width)}{pin}" for pin, fmt in port.INPUTS_FMT._asdict().items()]
     pins += [f"    output wire {_vector_prefix(fmt.width)}o_{pin}" for pin, fmt in port.PINS_FMT._asdict().items()]
     wires = [f"    wire {_vector_prefix(width)}{name};" for name, width in {**widths, **bus}.items()]
@@ -48,9 +48,9 @@ def text(params, port=host):
     links += [f".{pin}({wire})" for wire, pin in BUS.items()] + [f".o_{pin}(o_{pin})" for pin in port.Pins._fields]
     link_text = ",\n        ".join(links)
     instance = f"    gyro_{name} #(.DDS_BITS({params.design.dds_bits})) host (\n        {link_text}\n    );\n"
-    assert verilog.count(HEAD) == verilog.count(TAIL) == 1
-    verilog = verilog.replace(HEAD, ",\n" + ",\n".join(pins) + HEAD + "\n" + "\n".join(wires) + "\n")
-    return verilog.replace(TAIL, ",\n" + ",\n".join(joined) + "\n    );\n\n" + instance + "\nendmodule\n")
+    assert board_verilog.count(HEAD) == board_verilog.count(TAIL) == 1
+    board_verilog = board_verilog.replace(HEAD, ",\n" + ",\n".join(pins) + HEAD + "\n" + "\n".join(wires) + "\n")
+    return board_verilog.replace(TAIL, ",\n" + ",\n".join(joined) + "\n    );\n\n" + instance + "\nendmodule\n")
 
 
 def write(folder, params, port=host):

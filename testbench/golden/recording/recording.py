@@ -72,9 +72,9 @@ def params_from(path, names, raw, design=DEFAULT):
     What came later than the file has its default.
     """
     raw_by_name = dict(zip(map(port_name, names), raw))
-    expected_names = [name for name, _ in required_parameters(top.PARAMS_FMT, raw_by_name)]
-    if list(map(port_name, names)) != expected_names or len(raw) != len(expected_names):
-        strange = sorted(raw_by_name.keys() ^ set(expected_names)) or expected_names[:1]
+    required_names = [name for name, _ in required_parameters(top.PARAMS_FMT, raw_by_name)]
+    if list(map(port_name, names)) != required_names or len(raw) != len(required_names):
+        strange = sorted(raw_by_name.keys() ^ set(required_names)) or required_names[:1]
         raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
     values = iter(raws(top.PARAMS_FMT, raw_by_name))
     return fill_shape(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
@@ -85,7 +85,7 @@ def param_names():
     return [name for name, _ in format_leaves(top.PARAMS_FMT)]
 
 
-def _predict_sample(a, b):
+def _extrapolate_sample(a, b):
     return ((PREDICTOR * b) >> PREDICTOR_SHIFT) - a
 
 
@@ -93,7 +93,7 @@ def packed_samples(sar):
     """Errors of the prediction, int32 (ticks, 2)."""
     rows = np.asarray(sar, np.int64)
     before = np.vstack([np.zeros((2, 2), np.int64), rows])
-    return (rows - _predict_sample(before[:-2], before[1:-1])[: len(rows)]).astype(np.int32)
+    return (rows - _extrapolate_sample(before[:-2], before[1:-1])[: len(rows)]).astype(np.int32)
 
 
 def unpacked_samples(errors):
@@ -103,7 +103,7 @@ def unpacked_samples(errors):
         a = b = 0
         samples = []
         for error in errors[:, column].tolist():
-            a, b = b, error + _predict_sample(a, b)
+            a, b = b, error + _extrapolate_sample(a, b)
             samples.append(b)
         out[:, column] = samples
     return out

@@ -35,11 +35,11 @@ def in_single_frames(q):
 
 def codes():
     """[{register: word}] of the frames of `codes`."""
-    code_registers = [r for r in registers.WRITABLE if r.name not in DECIDE]
-    wires = [(r, bit) for r in code_registers for bit in range(r.fmt.width)]
+    non_deciding_registers = [r for r in registers.WRITABLE if r.name not in DECIDE]
+    wires = [(r, bit) for r in non_deciding_registers for bit in range(r.fmt.width)]
     frames = []
     for k in range(len(wires).bit_length()):
-        words = dict.fromkeys(code_registers, 0)
+        words = dict.fromkeys(non_deciding_registers, 0)
         for number, (r, bit) in enumerate(wires, 1):
             words[r] |= (number >> k & 1) << bit
         frames.append(words)

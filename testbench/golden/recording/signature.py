@@ -45,10 +45,10 @@ def padded_width(width):
 def fold_word(word, width, sig=0):
     """Signature after `word`, a Python integer of `width` bits, has been appended to what gave `sig`."""
     for low in range((width - 1) // CHUNK * CHUNK, -1, -CHUNK):
-        bit_count = min(CHUNK, width - low)
-        high = sig >> (DEGREE - bit_count)
+        chunk_bits = min(CHUNK, width - low)
+        high = sig >> (DEGREE - chunk_bits)
         high ^= high << 1
-        sig = (sig << bit_count & MASK) ^ (word >> low & ((1 << bit_count) - 1)) ^ high ^ high << 3
+        sig = (sig << chunk_bits & MASK) ^ (word >> low & ((1 << chunk_bits) - 1)) ^ high ^ high << 3
     return sig
 
 
@@ -79,7 +79,7 @@ def _times(a, b):
     return fold_word(word, 2 * DEGREE)
 
 
-def _monomial(k):
+def _monomial_remainder(k):
     """x^k modulo P."""
     product, square = 1, 2
     while k:
@@ -91,15 +91,15 @@ def _monomial(k):
 @functools.cache
 def _products(step):
     """x^(step + k) modulo P, for each bit k of a signature that moves up by `step` bits."""
-    return [np.uint64(_monomial(step + k)) for k in range(DEGREE)]
+    return [np.uint64(_monomial_remainder(step + k)) for k in range(DEGREE)]
 
 
 def rows_signature(rows, widths):
     """Signature of int64 rows with columns of these widths: every row alone, then rows in pairs, pairs of pairs."""
     words = [np.zeros(len(rows), np.uint64) for _ in _plan(widths)]
     for word, parts in zip(words, _plan(widths), strict=True):
-        for leaf, right, bit_count, target_bit in parts:
-            word |= ((rows[:, leaf].astype(np.uint64) >> right) & ((1 << bit_count) - 1)) << target_bit
+        for leaf, right, part_bits, word_bit in parts:
+            word |= ((rows[:, leaf].astype(np.uint64) >> right) & ((1 << part_bits) - 1)) << word_bit
     sig, half = np.zeros(len(rows), np.uint64), DEGREE // 2
     for chunk in (part for word in words[::-1] for part in (word >> half, word & ((1 << half) - 1))):
         high = sig >> half
@@ -115,7 +115,7 @@ def rows_signature(rows, widths):
     return int(sig[0])
 
 
-def word_signatures(words, clocks):
+def frame_signatures(words, clocks):
     """Signatures, uint64, of every `clocks` rows of one word each, of at most CHUNK bits."""
     signatures = np.zeros(len(words) // clocks, np.uint64)
     with np.errstate(over="ignore"):
@@ -129,10 +129,10 @@ def _fold(words, clocks, signatures):
         sig = np.uint64(0)
         for n in range(frame * clocks, (frame + 1) * clocks):
             # a word has DEGREE bits: the zeros in front, and a chunk
-            for bit_count, chunk in ((DEGREE - CHUNK, np.uint64(0)), (CHUNK, words[n])):
-                high = sig >> np.uint64(DEGREE - bit_count)
+            for chunk_bits, chunk in ((DEGREE - CHUNK, np.uint64(0)), (CHUNK, words[n])):
+                high = sig >> np.uint64(DEGREE - chunk_bits)
                 high ^= high << np.uint64(1)
-                sig = (sig << np.uint64(bit_count)) ^ chunk ^ high ^ (high << np.uint64(3))
+                sig = (sig << np.uint64(chunk_bits)) ^ chunk ^ high ^ (high << np.uint64(3))
         signatures[frame] = sig
 
 
@@ -147,10 +147,10 @@ def _plan(widths):
         leaf_bit = 0
         while leaf_bit < widths[leaf]:
             word, bit = divmod(row_bit, DEGREE)
-            bit_count = min(widths[leaf] - leaf_bit, DEGREE - bit)
-            plan[word].append((leaf, leaf_bit, bit_count, bit))
-            leaf_bit += bit_count
-            row_bit += bit_count
+            part_bits = min(widths[leaf] - leaf_bit, DEGREE - bit)
+            plan[word].append((leaf, leaf_bit, part_bits, bit))
+            leaf_bit += part_bits
+            row_bit += part_bits
     return tuple(tuple(parts) for parts in plan)
 
 
@@ -191,27 +191,27 @@ def appender(widths):
             first = builder.sub(args[1], ir.Constant(i64, count))
             values = []
 
-            def flatten_values(kind, value):
+            def append_leaf_values(kind, value):
                 if isinstance(kind, types.NoneType):
                     return
                 if isinstance(kind, types.BaseTuple):
                     for k, item in enumerate(kind.types):
-                        flatten_values(item, builder.extract_value(value, k))
+                        append_leaf_values(item, builder.extract_value(value, k))
                     return
                 values.append(context.cast(builder, value, kind, types.int64))
 
             def word_pointer(offset):
                 return builder.gep(array.data, [builder.add(first, ir.Constant(i64, offset))])
 
-            flatten_values(signature.args[2], args[2])
+            append_leaf_values(signature.args[2], args[2])
             if len(values) != len(widths):
                 raise ValueError(f"signature: {len(values)} registers, {len(widths)} widths")
             for k, parts in enumerate(plan):
                 word = ir.Constant(i64, 0)
-                for leaf, right, bit_count, target_bit in parts:
+                for leaf, right, part_bits, word_bit in parts:
                     part = builder.lshr(values[leaf], ir.Constant(i64, right))
-                    part = builder.and_(part, ir.Constant(i64, (1 << bit_count) - 1))
-                    word = builder.or_(word, builder.shl(part, ir.Constant(i64, target_bit)))
+                    part = builder.and_(part, ir.Constant(i64, (1 << part_bits) - 1))
+                    word = builder.or_(word, builder.shl(part, ir.Constant(i64, word_bit)))
                 builder.store(word, word_pointer(k))
             row = ir.VectorType(i64, count).as_pointer()
             leaving = builder.load(builder.bitcast(word_pointer(WORDS), row), align=8)

@@ -17,7 +17,7 @@ import numpy as np
 
 from fpga_model import block as registry
 from fpga_model import top, wiring
-from fpga_model.block import BIT, block_modules, design_value, fill_shape, leaves, port_name
+from fpga_model.block import BIT, block_modules, fill_shape, leaves, port_name, resolve_value
 from fpga_model.design_record import DEFAULT, Design
 from fpga_model.fixed import Fmt, formats
 
@@ -97,10 +97,10 @@ class Block(NamedTuple):
     def rules(self):
         """The block's own words on rounding and overflow."""
         text = importlib.import_module(f"fpga_model.{self.stem}").__doc__.splitlines()
-        rule_text = {}
+        rule_texts = {}
         for key in ("Rounding", "Overflow"):
-            rule_text[key.lower()] = next(line[len(key) :].strip() for line in text if line.startswith(key))
-        return rule_text
+            rule_texts[key.lower()] = next(line[len(key) :].strip() for line in text if line.startswith(key))
+        return rule_texts
 
 
 def register_rule(rules, name):
@@ -110,15 +110,15 @@ def register_rule(rules, name):
 
 def _hints(module, design):
     """Hints of the range proofs, with those of the blocks within."""
-    inherited_blocks = registry.values_by_prefix(module, lambda b: b)
+    block_by_prefix = registry.values_by_prefix(module, lambda b: b)
     return {
-        "split": tuple(prefix + name for prefix, b in inherited_blocks.items() for name in b.split),
+        "split": tuple(prefix + name for prefix, b in block_by_prefix.items() for name in b.split),
         "relations": tuple(
             {prefix + name: k for name, k in sums.items()}
-            for prefix, b in inherited_blocks.items()
-            for sums in design_value(b.relations, design)
+            for prefix, b in block_by_prefix.items()
+            for sums in resolve_value(b.relations, design)
         ),
-        "stops": tuple(value for b in inherited_blocks.values() for value in design_value(b.stops, design)),
+        "stops": tuple(value for b in block_by_prefix.values() for value in resolve_value(b.stops, design)),
     }
 
 
@@ -126,7 +126,7 @@ def _flatten_block(stem, module, design=None):
     """A block with flat ports."""
     record = design or DEFAULT
     declaration, rules, structure = module.BLOCK, registry.rules(module), registry.structure(module, record)
-    state = registry.reset_registers(module, record)
+    state = registry.power_on_registers(module, record)
     register_ports = [
         Port(port_name(path), fmt, int(reset), *register_rule(rules, port_name(path)))
         for (path, reset), (_, fmt) in zip(leaves(state), leaves(formats(module.State, record)), strict=True)
@@ -143,7 +143,7 @@ def _flatten_block(stem, module, design=None):
         run=lambda *given: registry.runner(stem)(structure.get("d", 0), structure.get("rom", 0), *given),
         source=(registry.runner_text(module), vars(module)),
         **{
-            name: design_value(getattr(declaration, name), record)
+            name: resolve_value(getattr(declaration, name), record)
             for name in ("latency", "strobes", "wait", "dense", "idle")
         },
         runtime_params=declaration.runtime_params,

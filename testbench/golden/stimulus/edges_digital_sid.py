@@ -50,7 +50,7 @@ def edges_digital_sid(w):
     for sums in (*_code_ties(w.block.cases[w.case]), *_code_limits(w.block.cases[w.case])):
         _start(w)
         for total in sums:
-            _append_sum(w, total)
+            _append_samples_of_sum(w, total)
             w.operation({"refs": 15})
     _append_constant_samples(w, w.block.cases[w.case].still)
     for gap in range(1, 8):
@@ -91,23 +91,23 @@ def _rounding_pairs(alpha):
     first = np.arange(1, 1 << 17) << digital_sid.POLE.f
     kinds = [(low, None, None) for low in (0, step, half - step, half + step, size - step)]
     kinds += [(half, odd, negative) for odd in (0, 1) for negative in (False, True)]
-    open_kinds, pairs = {(pole, *kind) for pole in range(3) for kind in kinds}, []
+    missing_kinds, pairs = {(pole, *kind) for pole in range(3) for kind in kinds}, []
     for second in itertools.chain.from_iterable((k, -k) for k in range(1, 17)):
         zero, inputs = np.zeros_like(first), (first, np.full_like(first, second << digital_sid.POLE.f))
         for pole in range(3):
             _, pole_first_dump = _step_pole(alpha, zero, inputs[0])
             product, pole_second_dump = _step_pole(alpha, pole_first_dump, inputs[1])
             low, parity = product & (size - 1), (product >> cut) & 1
-            for kind in sorted((k for k in open_kinds if k[0] == pole), key=str):
+            for kind in sorted((k for k in missing_kinds if k[0] == pole), key=str):
                 _, value, odd, negative = kind
-                matches = low == value
+                is_match = low == value
                 if odd is not None:
-                    matches &= (parity == odd) & ((product < 0) == negative)
-                if matches.any():
-                    open_kinds.discard(kind)
-                    pairs.append((int(first[matches.argmax()]) >> digital_sid.POLE.f, second))
+                    is_match &= (parity == odd) & ((product < 0) == negative)
+                if is_match.any():
+                    missing_kinds.discard(kind)
+                    pairs.append((int(first[is_match.argmax()]) >> digital_sid.POLE.f, second))
             inputs = (pole_first_dump, pole_second_dump)
-        if not open_kinds:
+        if not missing_kinds:
             break
     return pairs
 
@@ -121,7 +121,7 @@ def _dump_poles(alpha, poles, x):
     return after
 
 
-def _append_sum(w, total):
+def _append_samples_of_sum(w, total):
     """Samples whose sum is `total`."""
     end = digital_sid.SAMPLE.hi if total > 0 else -digital_sid.SAMPLE.hi
     full_scale_ticks, remainder = divmod(abs(total), digital_sid.SAMPLE.hi)
@@ -137,7 +137,7 @@ class Grid(NamedTuple):
     start: np.ndarray
     slope: np.ndarray
 
-    def solve_sums(self, alpha, target, fits):
+    def solve_dump_sums(self, alpha, target, fits):
         """The sums of the five dumps whose pole3 is near `target` and fits; None if there are none."""
         last = ((target - self.start) << 16) // self.slope
         hits = fits(_dump_poles(alpha, self.poles, last)[2]) & (abs(last) <= digital_sid.ACC.hi)
@@ -147,7 +147,7 @@ class Grid(NamedTuple):
         return tuple(int(np.broadcast_to(x, last.shape)[n]) for x in (*self.sums, last))
 
 
-def _build_dump_grid(alpha, base):
+def _build_sum_grid(alpha, base):
     second, third = (x.ravel() for x in np.meshgrid(np.arange(512) * 7, np.arange(512) * 5, indexing="ij"))
     zero = np.zeros_like(second)
     sums, poles = (base, base, base + second, base + third), [zero] * 3
@@ -166,7 +166,7 @@ def _code_ties(p):
     """Sums that bring gain*pole3 to a tie, of either sign, even and odd: for each gain pole3 has one residue for it."""
     sums_by_kind = {}
     for base in (20_000, -20_000, 110_000, -110_000) if _fast(p) else ():
-        grid = _build_dump_grid(p.alpha, base)
+        grid = _build_sum_grid(p.alpha, base)
         for gain in (p.gain_x, p.gain_y):
             twos = gain & -gain
             size = (1 << digital_sid.SHIFT) // twos
@@ -174,7 +174,7 @@ def _code_ties(p):
             for target in range(residue - 2 * size, residue + 2 * size, size):
                 kind = (gain, target < 0, (gain * target >> digital_sid.SHIFT) & 1)
                 if kind not in sums_by_kind:
-                    sums = grid.solve_sums(p.alpha, target, lambda pole, target=target: pole == target)
+                    sums = grid.solve_dump_sums(p.alpha, target, lambda pole, target=target: pole == target)
                     sums_by_kind |= {kind: sums} if sums else {}
     return list(sums_by_kind.values())
 
@@ -186,9 +186,9 @@ def _code_limits(p):
     for gain, limit in itertools.product((p.gain_x, p.gain_y), (digital_sid.CODE.lo, digital_sid.CODE.hi)):
         if not _fast(p):
             break
-        grid = _build_dump_grid(p.alpha, ((limit << shift) // gain) >> digital_sid.POLE.f)
+        grid = _build_sum_grid(p.alpha, ((limit << shift) // gain) >> digital_sid.POLE.f)
         for target_code in (limit - 1, limit, limit + 1):
-            sums = grid.solve_sums(
+            sums = grid.solve_dump_sums(
                 p.alpha,
                 (target_code << shift) // gain,
                 lambda pole, gain=gain, wanted=target_code: (gain * pole + half) >> shift == wanted,

@@ -42,7 +42,7 @@ class Loop(NamedTuple):
         full_scale_steps, remainder = divmod(total, end) if total else (0, 0)
         return [end] * full_scale_steps + ([remainder] if remainder or not full_scale_steps else [])
 
-    def solve_errors(self, gain, low):
+    def solve_residue_errors(self, gain, low):
         """Errors e >= 0 and e < 0 with gain*e = low modulo 2**24, nearest to 0; none if the gain is too even."""
         twos = largest_power_of_two(gain)
         if low % twos or twos == ONE:
@@ -51,7 +51,7 @@ class Loop(NamedTuple):
         e = low // twos * pow(gain // twos, -1, size) % size
         return [e, e - size]
 
-    def solve_operations(self, target):
+    def solve_target_operations(self, target):
         """[(mode, e, preset)] that bring acc to `target`, which may lie just beyond a limit; None if none do."""
         if self.p.ki == 0:
             return None
@@ -62,7 +62,7 @@ class Loop(NamedTuple):
                     if len(self.errors(total)) < 40:
                         return ops + [(pi.RUN, e, 0) for e in self.errors(total)]
             return None
-        for total in sorted({0, *self.solve_errors(self.p.ki, target % ONE)}, key=abs):
+        for total in sorted({0, *self.solve_residue_errors(self.p.ki, target % ONE)}, key=abs):
             integral_step = self.p.ki * total
             if (target - integral_step) % ONE == 0 and self.presets([(target - integral_step) // ONE]):
                 runs = [(pi.RUN, e, 0) for e in self.errors(total)]
@@ -80,7 +80,7 @@ class Loop(NamedTuple):
             if steps < 40:
                 yield limit * ONE, [(pi.OFF, 0, 0)] + [(pi.RUN, end, 0)] * steps
 
-    def approach_limit(self, limit, sign):
+    def solve_limit_approach(self, limit, sign):
         """Operations that bring acc as near as it can be to one side of a limit, where no single LSB is possible."""
         if self.p.ki == 0:
             return None
@@ -108,7 +108,9 @@ def acc_at_the_limits(loop):
     step = largest_power_of_two(loop.p.ki)
     for limit in (loop.p.lo, loop.p.hi):
         for offset in (-1, 0, 1):
-            ops = loop.solve_operations(limit * ONE + offset * step) or (offset and loop.approach_limit(limit, offset))
+            ops = loop.solve_target_operations(limit * ONE + offset * step) or (
+                offset and loop.solve_limit_approach(limit, offset)
+            )
             for op in ops or ():
                 loop.operate(*op)
 
@@ -118,25 +120,25 @@ def rounding(loop):
     p, half = loop.p, ONE >> 1
     step = min(largest_power_of_two(p.kp), largest_power_of_two(p.ki))
     for low in (0, step, half - step, half, half + step, ONE - step):
-        open_kinds = {(low, sign, odd) for sign in (0, 1) for odd in (0, 1)} if low == half else {low}
+        missing_kinds = {(low, sign, odd) for sign in (0, 1) for odd in (0, 1)} if low == half else {low}
         for first in range(48):
             for start in loop.presets((1, 2, 0, p.lo, p.hi, (p.lo + p.hi) // 2))[: 3 if first else 6]:
                 acc = min(max(start * ONE + p.ki * first, p.lo * ONE), p.hi * ONE)
                 if p.kp:
-                    tries = [(acc + p.kp * e, first, e) for e in loop.solve_errors(p.kp, (low - acc) % ONE)]
+                    tries = [(acc + p.kp * e, first, e) for e in loop.solve_residue_errors(p.kp, (low - acc) % ONE)]
                 else:
-                    tries = [(start * ONE + p.ki * e, e, 0) for e in loop.solve_errors(p.ki, low)]
+                    tries = [(start * ONE + p.ki * e, e, 0) for e in loop.solve_residue_errors(p.ki, low)]
                     tries = [t for t in tries if p.lo * ONE <= t[0] <= p.hi * ONE]
                 for total, run, last in tries:
                     kind = (low, int(total < 0), (total >> pi.SHIFT) & 1) if low == half else low
-                    if kind in open_kinds and loop.error.holds(run) and loop.error.holds(last):
-                        open_kinds.discard(kind)
+                    if kind in missing_kinds and loop.error.holds(run) and loop.error.holds(last):
+                        missing_kinds.discard(kind)
                         loop.operate(pi.OFF, 0, start)
                         loop.operate(pi.RUN, run, 0)
                         if p.kp:
                             loop.operate(pi.P_ONLY, last, 0)
                         loop.operate(pi.HOLD, 0, 0)
-            if not open_kinds:
+            if not missing_kinds:
                 break
 
 
@@ -148,7 +150,7 @@ def y_at_the_limits(loop):
                 value = limit + offset_lsb - half_up(p.kp * e, pi.SHIFT)
                 ops = [(pi.OFF, 0, value)] if loop.presets([value]) else None
                 if loop.preset is None and p.lo <= value <= p.hi:
-                    ops = _approach_value(loop, value)
+                    ops = _solve_value_approach(loop, value)
                 if ops:
                     for op in ops:
                         loop.operate(*op)
@@ -157,7 +159,7 @@ def y_at_the_limits(loop):
                     break
 
 
-def _approach_value(loop, value):
+def _solve_value_approach(loop, value):
     """Operations without a preset that bring acc nearest to a value of y."""
     for base, ops in loop.bases():
         total = (value * ONE - base) // loop.p.ki if loop.p.ki else 0
@@ -183,7 +185,7 @@ def comparators(loop):
             if not p.lo <= target <= p.hi:
                 _overshoot_limit(loop, target)
     for k in range(pi.SHIFT):
-        for op in loop.solve_operations(p.hi * ONE + (1 << k)) or ():
+        for op in loop.solve_target_operations(p.hi * ONE + (1 << k)) or ():
             loop.operate(*op)
 
 
@@ -243,19 +245,19 @@ def carries(loop):
                 acc = start * ONE + p.ki * run
                 if not p.lo * ONE < acc < p.hi * ONE:
                     continue
-                for e in loop.solve_errors(p.kp, (low - acc) % ONE):
+                for e in loop.solve_residue_errors(p.kp, (low - acc) % ONE):
                     total = (acc + p.kp * e) >> pi.SHIFT
                     terms = {"prop": p.kp * e, "acc": acc}
-                    decided_bits = {(name, k) for name, k in missing if terms[name] >> k & 1 == level}
-                    if decided_bits and loop.error.holds(e) and p.lo < total < p.hi:
-                        missing -= decided_bits
+                    deciding_bits = {(name, k) for name, k in missing if terms[name] >> k & 1 == level}
+                    if deciding_bits and loop.error.holds(e) and p.lo < total < p.hi:
+                        missing -= deciding_bits
                         loop.operate(pi.OFF, 0, start)
                         loop.operate(pi.RUN, run, 0)
                         loop.operate(pi.P_ONLY, e, 0)
                         loop.operate(pi.HOLD, 0, 0)
 
 
-def run_edges(loop):
+def append_pi_edges(loop):
     for part in (presets_at_the_limits, acc_at_the_limits, rounding, carries, y_at_the_limits, comparators):
         part(loop)
 
@@ -270,7 +272,7 @@ def edges_pi(w):
     def operate(mode, e, preset):
         w.append_row({"en": 1, "mode": mode, "e": e, "preset": preset})
 
-    run_edges(Loop(p, pi.ERR, pi.OUT, operate))
+    append_pi_edges(Loop(p, pi.ERR, pi.OUT, operate))
     for limit in (p.lo, p.hi):
         w.append_row({"en": 1, "mode": pi.OFF, "preset": limit})
         for e in (0, 1, -1, pi.ERR.hi, pi.ERR.lo, 1, -1):
@@ -303,7 +305,7 @@ def edges_loop(w):
         w.append_row({"en_pi": 1, "mode": mode, **({} if fixed else {"preset": value})})
 
     p = w.block.cases[w.case].loop
-    run_edges(Loop(p, ERRORS[stem], None if fixed else preset, operate))
+    append_pi_edges(Loop(p, ERRORS[stem], None if fixed else preset, operate))
     w.append_row(times=3)
     if fixed:
         # the word at all ones, at 0, and one LSB beyond each end

@@ -21,7 +21,7 @@ half_up = getattr(half_up, "py_func", half_up)
 def rounding_edge_bits(cut):
     """(bits that are cut, what is kept) at the edges of a rounding; a tie with every sign and parity."""
     half, size = 1 << (cut - 1), 1 << cut
-    ties = [(half, quotient) for quotient in (2, 3, -2, -3)]
+    ties = [(half, upper_bits) for upper_bits in (2, 3, -2, -3)]
     return [(low, 2) for low in (0, 1, half - 1, half + 1, size - 1)] + ties
 
 
@@ -65,8 +65,8 @@ def _means(w):
     """Sums whose cut bits are at every edge, by one sample that is not 0; 2**k samples for each mean."""
     w.append_row(rst=1)
     for k in (1, 2, 3):
-        for low, quotient in rounding_edge_bits(k):
-            w.operation({"decimation": k, "scale": ONE, **_word((quotient << k) + low)})
+        for low, upper_bits in rounding_edge_bits(k):
+            w.operation({"decimation": k, "scale": ONE, **_word((upper_bits << k) + low)})
             for _ in range((1 << k) - 1):
                 w.operation({"decimation": k, "scale": ONE})
 

@@ -39,9 +39,9 @@ def signs(w):
 
 def walking_ones(w):
     w.family("walking_ones")
-    port_bits = [(port, k) for port in w.wide for k in range(port.width)]
-    stride = max(1, -(-len(port_bits) * (1 + w.block.wait) // WALKING_ROWS))
-    for port, k in port_bits[::stride]:
+    port_bit_pairs = [(port, k) for port in w.wide for k in range(port.width)]
+    stride = max(1, -(-len(port_bit_pairs) * (1 + w.block.wait) // WALKING_ROWS))
+    for port, k in port_bit_pairs[::stride]:
         value = 1 << k
         if port.signed and k == port.width - 1:
             value = port.fmt.lo
@@ -106,8 +106,8 @@ def random_rows(w):
             w.append_row({**{p.name: w.random.pick(corners(p.fmt)) for p in w.wide}, **w.flips(3, 4)})
     w.family("random_sparse")
     for _ in range(RANDOM_ROWS // (1 + w.block.wait)):
-        flag_values = {k: v for k, v in w.flips().items() if k not in w.block.strobes}
-        w.operation({**w.some(), **flag_values})
+        non_strobe_flags = {k: v for k, v in w.flips().items() if k not in w.block.strobes}
+        w.operation({**w.some(), **non_strobe_flags})
         if w.random.draw_integer(4) == 0:
             w.append_row(w.some(), times=w.random.draw_integer(5))
 

@@ -47,7 +47,7 @@ def _wiring_levels():
 
 
 @functools.cache
-def _parent_reads():
+def _parent_read_registers():
     """(stem, register) of what a block reads of the blocks within it, as `s.part.register`."""
     register_reads = set()
     for module in block_modules().values():
@@ -64,7 +64,7 @@ def port_level(stem, name, is_pin):
     if stem == top.__name__.rpartition(".")[2]:
         return "pins" if is_pin else "registers"
     wiring_level = _wiring_levels().get((stem, name))
-    if wiring_level is None and (is_pin or (stem, name) in _parent_reads() or name in HOST.get(stem, ())):
+    if wiring_level is None and (is_pin or (stem, name) in _parent_read_registers() or name in HOST.get(stem, ())):
         return "outputs"
     return wiring_level or "registers"
 
@@ -87,10 +87,10 @@ def compared_ports(manifest, level):
     if level == "registers":
         return ports
     stated = validate_data(manifest.get("levels"), dict[str, list[str]], "manifest: levels")
-    level_ports = [(name, p) for name, p in ports if name in stated.get(level, ())]
-    if not level_ports:
+    level_port_pairs = [(name, p) for name, p in ports if name in stated.get(level, ())]
+    if not level_port_pairs:
         raise ConfigError(f"level: {manifest['block']} has no port at level {level}")
-    return level_ports
+    return level_port_pairs
 
 
 def port_kind(manifest, name):
@@ -132,8 +132,8 @@ def omitted_params(manifest):
     module = block_modules().get(manifest["block"])
     if not hasattr(module, "Params"):
         return []
-    shape, present_names = formats(module.Params, DEFAULT), {p["name"] for p in manifest.get("params", [])}
-    names = {name for name, _ in required_parameters(shape, present_names)}
+    shape, present_params = formats(module.Params, DEFAULT), {p["name"] for p in manifest.get("params", [])}
+    names = {name for name, _ in required_parameters(shape, present_params)}
     return [{"name": port_name(name), "fmt": list(fmt)} for name, fmt in leaves(shape) if port_name(name) not in names]
 
 
@@ -147,5 +147,5 @@ class Key:
 
 def rtl_parameters(manifest):
     """[(NAME, value)] of the keys that the RTL of a bundle takes; FileError where the entry is none."""
-    entries = validate_data(manifest.get("design_params", []), list[Key], "manifest: design_params")
-    return [(key.name, key.value) for key in entries]
+    key_entries = validate_data(manifest.get("design_params", []), list[Key], "manifest: design_params")
+    return [(key.name, key.value) for key in key_entries]

@@ -16,8 +16,8 @@ CHANNELS = ("drive_sin", "drive_cos", "sense_sin", "sense_cos")
 PATIENCE = 120  # frames within which a state has to come
 MOST_FRAMES = 20_000  # of a start-up with the times of a board
 LOST = {"magnitude": SETPOINT >> 1, "phase": 1 << 22, "sense_sin": 1 << 22, "sense_cos": 1 << 22}
-UNMONITORED_BITS = [getattr(sequencer, name) for name in sequencer.CONTROL_BITS if name.startswith(("HOLD_", "FIX_"))]
-HOLD_BITS = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
+EXCLUSION_BITS = [getattr(sequencer, name) for name in sequencer.CONTROL_BITS if name.startswith(("HOLD_", "FIX_"))]
+ALL_HOLD_BITS = sequencer.HOLD_AGC | sequencer.HOLD_PLL | sequencer.HOLD_FTR
 CUT = sequencer.GAIN.f
 
 
@@ -140,9 +140,9 @@ def _rotations(walk):
                 walk.run(1, phase=_wrap_phase(phase))
     for offset_lsb in (-1, 0, 1, 2):
         if walk.again(sequencer.SEARCH):
-            total_rotation, frames = limit + offset_lsb, p.search
+            target_rotation, frames = limit + offset_lsb, p.search
             for k in range(1, frames + 1):
-                walk.run(1, phase=_wrap_phase(total_rotation * k // frames))
+                walk.run(1, phase=_wrap_phase(target_rotation * k // frames))
     for first, second in ((2, -SETPOINT + 1), (1 - SETPOINT, 1), (0, -SETPOINT), (-SETPOINT, -1)):
         if walk.again(sequencer.SEARCH, phase=first):
             walk.run(1, phase=first)
@@ -173,11 +173,11 @@ def _error_limits(walk):
 def _bits_of_limits(walk):
     """Each bit of each error beside its limit, alone: not locked, where one good frame counts, then locked."""
     p = walk.p.lock
-    unlocked_sense = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}
+    unlocked_sense_inputs = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}
     slow = {"magnitude": SETPOINT >> 1, "phase": 1 << 22}
     names = {"phase": 1, "sense_sin": 2, "sense_cos": 3}
     for name, k in names.items():
-        blocking_inputs = slow if name == "phase" else unlocked_sense
+        blocking_inputs = slow if name == "phase" else unlocked_sense_inputs
         unlocked = sequencer.ACQUIRE if name == "phase" else sequencer.BALANCE
         cases = ((unlocked, blocking_inputs, p.limit_in[k]), (sequencer.LOCKED, {}, p.limit_out[k]))
         for state, between, limit in cases:
@@ -295,12 +295,12 @@ def _long(walk):
 
 def _disturb_each_state(walk):
     """Lost lock, unusable frames, saturations and the user's bits in ACQUIRE, SETTLE, BALANCE and LOCKED."""
-    unlocked_sense = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
+    unlocked_sense_inputs = {"sense_sin": 1 << 22, "sense_cos": 1 << 22}  # keeps the sense loops from locking
     small = {"magnitude": SETPOINT >> 1}  # keeps ACQUIRE from ending
     states = {
         sequencer.ACQUIRE: small,
-        sequencer.SETTLE: unlocked_sense,
-        sequencer.BALANCE: unlocked_sense,
+        sequencer.SETTLE: unlocked_sense_inputs,
+        sequencer.BALANCE: unlocked_sense_inputs,
         sequencer.LOCKED: {},
     }
     for state, blocking_inputs in states.items():
@@ -310,8 +310,8 @@ def _disturb_each_state(walk):
             {"drive_saturated": 1},
             {"qsc_rail": 1},
             {"qsc_rail": 1, "control": sequencer.RUN | sequencer.FIX_QSC},
-            {"control": sequencer.RUN | HOLD_BITS},
-            {"control": sequencer.RUN | HOLD_BITS & ~sequencer.HOLD_FTR},
+            {"control": sequencer.RUN | ALL_HOLD_BITS},
+            {"control": sequencer.RUN | ALL_HOLD_BITS & ~sequencer.HOLD_FTR},
             {"rate_saturated": 1},
         ):
             if walk.again(state, **blocking_inputs):
@@ -324,9 +324,9 @@ def _lock_exclusion_bits(walk):
     """Each bit that takes a loop out of judgement, alone, while the counts of all four loops would move."""
     if walk.p.timeout < 3:
         return  # no frame of SETTLE is left to judge: nothing locks
-    unlocked_sense = {name: LOST[name] for name in ("sense_sin", "sense_cos")}
-    for state, blocking_inputs, moves in ((sequencer.BALANCE, unlocked_sense, {}), (sequencer.LOCKED, {}, LOST)):
-        for bit in UNMONITORED_BITS:
+    unlocked_sense_inputs = {name: LOST[name] for name in ("sense_sin", "sense_cos")}
+    for state, blocking_inputs, moves in ((sequencer.BALANCE, unlocked_sense_inputs, {}), (sequencer.LOCKED, {}, LOST)):
+        for bit in EXCLUSION_BITS:
             if walk.state.state == state or walk.again(state, **blocking_inputs):
                 walk.run(1, control=sequencer.RUN | bit, **moves)
                 walk.run(1, **blocking_inputs)

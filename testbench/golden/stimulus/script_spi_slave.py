@@ -37,7 +37,7 @@ def frame(read, address, words, count=None, spoil=0, zeros=0):
     return head + check + data + [0] * spi_slave.CRC_BITS if read else head + data + check
 
 
-def search_crc(words, check):
+def search_crc_words(words, check):
     """Words of a write to address 10h with another last one, so that the CRC is `check`."""
     for last in itertools.count():
         candidate_words = [*words[:-1], last]
@@ -109,7 +109,7 @@ def good(host, w):
         host.send(frame(READ, 0x300, [word]), rdata=word)
     for count in range(1, spi_slave.MOST_WRITTEN + 1):
         for check in (0, spi_slave.CRC_MASK):
-            host.send(frame(0, 0x10, search_crc(host.words(count), check)))
+            host.send(frame(0, 0x10, search_crc_words(host.words(count), check)))
     # SCK moves while nothing is selected
     for sck in (1, 0, 1, 1, 0):
         host.rows(IDLE, sck=sck)
@@ -135,7 +135,7 @@ def send_wrong_frames(host, w):
     host.send(frame(READ, host.address(), host.words(1), zeros=2, spoil=0x01))
     host.rows(IDLE, clear=spi_slave.ERRORS.hi)
     few, some = (16, 25), (1, 2, 4, 8, 15, 16, 17, 23, 24, 25, 48, 49, 80)
-    for read, words, cuts, extra_bits in (
+    for read, words, cuts, extra_bit_counts in (
         (0, 1, few, (1, 32, 33)),
         (0, 2, some, (1,)),
         (READ, 1, some, (2,)),
@@ -146,7 +146,7 @@ def send_wrong_frames(host, w):
             host.send(full_frame[:cut], idle=4)
             if cut in few or cut < 15:
                 host.rows(IDLE, clear=0b010)
-        for more in extra_bits:
+        for more in extra_bit_counts:
             host.send(full_frame + [0] * more)
         host.rows(IDLE, clear=0b010)
     # CS_N and SCK rise together, where the next bit would fetch a word
@@ -160,10 +160,10 @@ def send_wrong_frames(host, w):
     host.send([], lead=4)
     host.send(frame(0, host.address(), host.words(1)))
     # clear at each clock around a new flag; the last clears come before it, so a flag is up at the next reset
-    for delay_rows in reversed(range(6)):
+    for delay_row_count in reversed(range(6)):
         host.rows({})
         host.bits([1])
-        host.rows(IDLE, delay_rows)
+        host.rows(IDLE, delay_row_count)
         host.rows(IDLE, clear=spi_slave.ERRORS.hi)
         host.rows(IDLE, 4)
 
@@ -181,7 +181,7 @@ def reset_during_frames(host, w):
         w.append_row({**w.some(), **w.flips()}, rst=1)
         host.rows(IDLE, 4)
     for words, clocks in ((read, (1, 2, 3, 4)), (frame(0, 8, host.words(2)), (1, 2, 3, 4, 5))):
-        for delay_rows in clocks:
-            host.send(words, idle=delay_rows)
+        for delay_row_count in clocks:
+            host.send(words, idle=delay_row_count)
             w.append_row({**w.some(), **w.flips()}, rst=1)
             host.rows(IDLE, 3)

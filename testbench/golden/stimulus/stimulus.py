@@ -22,21 +22,21 @@ __all__ = ["SEED", "Random", "corners", "make", "make_directed"]
 
 def make_directed(block, case, seed=SEED):
     """As `make`, without the family of found corners."""
-    return _finish_rows(_write_directed(block, case, seed))
+    return _stimulus_and_families(_write_directed_families(block, case, seed))
 
 
 def make(block, case, seed=SEED):
     """(rows, families): int64 rows in the columns of the block, and (name, first row, rows) of each family."""
-    w = _write_directed(block, case, seed)
+    w = _write_directed_families(block, case, seed)
     found_corners.replay(w)
-    return _finish_rows(w)
+    return _stimulus_and_families(w)
 
 
-def _finish_rows(w):
-    return np.array(w.rows, np.int64), [tuple(family) for family in w.families]
+def _stimulus_and_families(w):
+    return np.array(w.rows, np.int64), [tuple(family_entry) for family_entry in w.families]
 
 
-def _write_directed(block, case, seed):
+def _write_directed_families(block, case, seed):
     w = Writer(block, case, seed)
     w.family("idle")
     families.idle(w)

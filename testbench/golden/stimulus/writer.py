@@ -40,9 +40,9 @@ class Random:
 def corners(fmt):
     """Raw values at the ends of a format, around zero and around its middle bits; ascending, without repetition."""
     half = 1 << max(fmt.width - 1 - fmt.s, 0)
-    candidates = {fmt.lo, fmt.lo + 1, -1, 0, 1, fmt.hi - 1, fmt.hi, half - 1, half, half + 1, -half, half >> 1}
-    candidates |= {ALTERNATE & fmt.hi, (ALTERNATE << 1) & fmt.hi}
-    return sorted(v for v in candidates if fmt.holds(v))
+    corner_candidates = {fmt.lo, fmt.lo + 1, -1, 0, 1, fmt.hi - 1, fmt.hi, half - 1, half, half + 1, -half, half >> 1}
+    corner_candidates |= {ALTERNATE & fmt.hi, (ALTERNATE << 1) & fmt.hi}
+    return sorted(v for v in corner_candidates if fmt.holds(v))
 
 
 def around(limit, fmt):

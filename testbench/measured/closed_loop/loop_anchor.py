@@ -31,14 +31,14 @@ FIRST_DRAW = 10**12  # seeds that no recording has
 SETTLED = 200.0  # sigmas of all features together: so little needs no other anchor
 
 
-class Anchored(Problem, adds="anchor anchor_certificate check prior_overrun at draws unidentifiable"):
+class Anchored(Problem, adds="anchor linear_change_certificate check describe_prior_overrun at draws unidentifiable"):
     """A problem that is linear about an anchor, which the exact engine has computed with some `draws`."""
 
     def anchor(self, theta, effects):
         """Put the linear model's anchor at a point; PredictionFailed, and nothing moved, where the engine fails."""
         raise NotImplementedError
 
-    def anchor_certificate(self, theta, effects):
+    def linear_change_certificate(self, theta, effects):
         """Certificate at a point near the anchor: what the linear model changes from there, as if none of it were so.
 
         At the anchor the model is the exact engine; `check` runs that again.
@@ -52,7 +52,7 @@ class Anchored(Problem, adds="anchor anchor_certificate check prior_overrun at d
         """
         raise NotImplementedError
 
-    def prior_overrun(self, theta):
+    def describe_prior_overrun(self, theta):
         """Nuisances of a fitted point outside their wide priors, where the model stays at the edge; "" if none."""
         return ""
 
@@ -63,8 +63,8 @@ class Anchored(Problem, adds="anchor anchor_certificate check prior_overrun at d
 
 MEMBERS = (
     "recorded model parameters progress bench kept candidates conditions per_hz slope place anchors tangent tangents "
-    "first starts base stack_fit_rows model_at shift_drive_mode make_run smooth key exact_features hertz "
-    "linear size column axis settle pseudo single_condition_problem after timed restore_settle_s"
+    "first starts base whiten_fit_rows model_at shift_drive_mode describe_run smooth key exact_engine_features "
+    "hertz linear size column axis settle pseudo single_condition_problem after timed use_record_settle"
 )
 
 
@@ -73,69 +73,69 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
 
     def model_at(self, theta, effects):
         """`loop_runs.Model` of a point; PredictionFailed outside the limits of a key."""
-        values = {p.key: p.value_from_theta(float(t)) for p, t in zip(self.parameters, theta)}
+        values_by_key = {p.key: p.value_from_theta(float(t)) for p, t in zip(self.parameters, theta)}
         laws = []
         for name, value in effects.items():
             c = self.candidates[name]
             if c.key:
                 section, _, field = c.key.partition(".")
-                values[c.key] = float(value) + (getattr(self.model.plant, field) if section == "plant" else 0.0)
+                values_by_key[c.key] = float(value) + (getattr(self.model.plant, field) if section == "plant" else 0.0)
             else:
                 laws += c.law_texts(float(value))
         try:
-            return Model(configuration.changed(self.model, values), tuple(laws))
+            return Model(configuration.changed(self.model, values_by_key), tuple(laws))
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
     def _set_frequency_offsets(self):
         """Places of the conditions, from the last bins of the recorded frequency words."""
         one = self._draws(1)
-        for g, values in self.recorded.values.items():
-            if np.any(values):
-                hz = self.hertz(values.mean(axis=0) - one[g][0], g) + jitter_hz(0)
+        for g, repeat_features in self.recorded.values.items():
+            if np.any(repeat_features):
+                hz = self.hertz(repeat_features.mean(axis=0) - one[g][0], g) + jitter_hz(0)
                 self.place[g] = hz if abs(hz) > MIN_OFFSET_HZ else 0.0
 
     def shift_drive_mode(self, model, hz):
         """A model whose drive mode is moved by some Hz, by a stiffness."""
         return Model(model.config, (*model.laws, f"force_x = {-self.per_hz * hz!r} x"))
 
-    def _run(self, requests, kind, power_on=False, smooth=False, take=None):
+    def _run(self, run_requests, kind, power_on=False, smooth=False, take=None):
         """Features, or what `take` makes of the rows, of (model, condition, draw, Hz above where the problem began).
 
         All are held at the place of their condition. They begin from a locked state of the model where the problem
         began, so that edges slip at the same instants in all of them, or from power-on.
         """
-        runs = [self.make_run(*one, power_on, smooth) for one in requests]
+        runs = [self.describe_run(*one, power_on, smooth) for one in run_requests]
         try:
             return self.bench.run(runs, kind, self.progress, True, smooth, take)
         except ConfigError as problem:
             raise PredictionFailed(str(problem)) from None
 
-    def make_run(self, model, condition, draw, shift_hz=0.0, power_on=False, smooth=False):
+    def describe_run(self, model, condition, draw, drive_shift_hz=0.0, power_on=False, smooth=False):
         """`Run` of a model under a condition with a draw's noise, jitter and phase, see `_run`."""
-        number, offset_hz, start = list(self.conditions).index(condition.id), self.place[condition.id], None
+        number, condition_offset_hz, start = list(self.conditions).index(condition.id), self.place[condition.id], None
         if not power_on:
-            start = loop_runs.model_key(self.shift_drive_mode(Model(self.model), offset_hz))
-        shifted = self.shift_drive_mode(model, offset_hz - shift_hz + jitter_hz(draw))
+            start = loop_runs.model_key(self.shift_drive_mode(Model(self.model), condition_offset_hz))
+        shifted = self.shift_drive_mode(model, condition_offset_hz - drive_shift_hz + jitter_hz(draw))
         return Run(shifted, condition, FIRST_DRAW + 10_000 * number + draw, start, int(LATER[draw]), smooth)
 
-    def restore_settle_s(self, condition, effects):
+    def use_record_settle(self, condition, effects):
         """A condition as long after power-on as in the record, if one of the effects asks for that time."""
         time_laws = self.timed & {name for name, value in effects.items() if value}
         return condition._replace(settle_s=self.after.get(condition.id, condition.settle_s)) if time_laws else condition
 
-    def smooth(self, requests, take=None):
+    def smooth(self, run_requests, take=None):
         """`_run` of the averaged plant without rounded codes, from the lock of the model where the problem began.
 
         None for what leaves its range.
         """
-        return self._run(requests, FAST, smooth=True, take=take)
+        return self._run(run_requests, FAST, smooth=True, take=take)
 
-    def single_condition_problem(self, condition, recorded_id):
+    def single_condition_problem(self, condition, template_id):
         """This problem under one other condition alone, with noise and bins of a recorded one, for its tangents."""
         out, name = copy.copy(self), condition.id
-        out.conditions, out.place, out.slope = {name: condition}, {name: 0.0}, {name: self.slope[recorded_id]}
-        out._rows, out._count, out.starts = {name: self._rows[recorded_id]}, {name: self._count[recorded_id]}, ()
+        out.conditions, out.place, out.slope = {name: condition}, {name: 0.0}, {name: self.slope[template_id]}
+        out._rows, out._count, out.starts = {name: self._rows[template_id]}, {name: self._count[template_id]}, ()
         return out
 
     def key(self, *more):
@@ -152,38 +152,38 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
             self.kept.noise[keys[c.id]] = np.array(feature_rows[count * i : count * (i + 1)])
         return {name: self.kept.noise[key] for name, key in keys.items()}
 
-    def exact_features(self, theta, effects, role=None):
+    def exact_engine_features(self, theta, effects, role=None):
         """{condition: (features of the exact engine at a point, each draw less its twin in the averaged plant)}.
 
         Of the conditions with a role, or of all. The drive frequency is held, so that edges slip at the same instants
         and the noise cancels.
         """
         model = self.model_at(theta, effects)
-        key_parts = "exact", model.config.model_dump_json(), model.laws
-        chosen = [self.restore_settle_s(c, effects) for c in self.recorded.conditions if role in (None, c.role)]
-        keys = {c.id: self.key(*key_parts, c._replace(role=""), self.place[c.id]) for c in chosen}
-        shifts_hz = self._frequency_shifts_hz(theta, effects)
+        key_prefix = "exact", model.config.model_dump_json(), model.laws
+        chosen = [self.use_record_settle(c, effects) for c in self.recorded.conditions if role in (None, c.role)]
+        keys = {c.id: self.key(*key_prefix, c._replace(role=""), self.place[c.id]) for c in chosen}
+        drive_shifts_hz = self._drive_frequency_shifts_hz(theta, effects)
         # the averaged plant with the same noise, where the model began
         twins = self._draws(max(self.draws, DRAWS))
         cached = {c.id: self.kept.exact.get(keys[c.id], np.zeros((0, len(self.slope[c.id])))) for c in chosen}
-        todo = [(model, c, k, shifts_hz[c.id]) for c in chosen for k in range(len(cached[c.id]), self.draws)]
-        results = iter(self._run(todo, EXACT, take=loop_runs.with_densities))
+        todo = [(model, c, k, drive_shifts_hz[c.id]) for c in chosen for k in range(len(cached[c.id]), self.draws)]
+        run_results = iter(self._run(todo, EXACT, take=loop_runs.with_densities))
         out = {}
         for c in chosen:
             more = []
             for k in range(len(cached[c.id]), self.draws):
-                values, densities = next(results)
-                more.append(values - twins[c.id][k])
+                run_features, densities = next(run_results)
+                more.append(run_features - twins[c.id][k])
                 self.kept.densities.setdefault(keys[c.id], []).append(densities)
             rows = self.kept.exact[keys[c.id]] = (
                 np.concatenate([cached[c.id], np.array(more)]) if more else cached[c.id]
             )
             rows, self._densities[c.id] = rows[: self.draws], self.kept.densities[keys[c.id]][: self.draws]
-            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (shifts_hz[c.id] - self.place[c.id])
+            v = rows.mean(axis=0) + self._middle[c.id] + self.slope[c.id] * (drive_shifts_hz[c.id] - self.place[c.id])
             out[c.id] = v, rows[:, : self._sizes[c.id]]
         return out
 
-    def _frequency_shifts_hz(self, theta, effects):
+    def _drive_frequency_shifts_hz(self, theta, effects):
         """{condition: change of the drive frequency from where the model began}, by the linear model.
 
         That by an engine is no better: the frequency word of a dwell has slips of its own, some 1e-5 Hz.
@@ -200,8 +200,8 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
 
     def anchor(self, theta, effects):
         theta = [p.clip_theta(float(t)) for p, t in zip(self.parameters, theta)]
-        point = np.array(theta), {name: float(v) for name, v in effects.items() if v}
-        exact, self.at = self.exact_features(*point), point
+        anchor_point = np.array(theta), {name: float(v) for name, v in effects.items() if v}
+        exact, self.at = self.exact_engine_features(*anchor_point), anchor_point
         self.base, self._draw_rows = {g: v for g, (v, _) in exact.items()}, {g: rows for g, (_, rows) in exact.items()}
         noise = [self.whiten(self._rows[g], rows.T).var(axis=1, ddof=1).mean() for g, rows in self._draw_rows.items()]
         self.prediction_noise = float(np.mean(noise)) / self.draws + 1 / NOISE_DRAWS
@@ -234,19 +234,19 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         """Axis of a law, by its port."""
         return self.candidates[name].law.port[-1] if name in self.candidates else ""
 
-    def stack_fit_rows(self, values):
+    def whiten_fit_rows(self, condition_rows):
         """{condition: (n, ...)} of the fitted conditions as stacked rows of unit variance, repeats counted."""
         groups = [c.id for c in self.recorded.conditions if c.role == "fit"]
         return np.concatenate(
-            [np.sqrt(len(self.recorded.values[g])) * self.whiten(self._rows[g], values[g]) for g in groups]
+            [np.sqrt(len(self.recorded.values[g])) * self.whiten(self._rows[g], condition_rows[g]) for g in groups]
         )
 
     def settle(self):
         """Anchor where the nuisances alone fit the data best: far from it no linear model holds."""
         sd = np.array([n.prior_sd for n in self.nuisances])
         for _ in range(2):
-            j = self.stack_fit_rows(self.tangent) * sd
-            r = self.stack_fit_rows({g: v.mean(axis=0) - self.base[g] for g, v in self.recorded.values.items()})
+            j = self.whiten_fit_rows(self.tangent) * sd
+            r = self.whiten_fit_rows({g: v.mean(axis=0) - self.base[g] for g, v in self.recorded.values.items()})
             prior_offset_sd = (np.array([n.value for n in self.nuisances]) - self.at[0]) / sd
             # wide priors: no board is beyond WALL sds, whatever the tangents say
             walls = WALL if self.starts else np.inf
@@ -260,14 +260,14 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
     def pseudo(self, change):
         """(laws, m) sigmas of the effects that m differences of features, {condition: (n, m)}, would be taken for."""
         sd = np.array([n.prior_sd for n in self.nuisances])
-        j = self.stack_fit_rows(self.tangent) * sd
+        j = self.whiten_fit_rows(self.tangent) * sd
         q, _ = np.linalg.qr(np.concatenate([j, np.eye(len(sd))]) / np.linalg.norm(j, axis=0))
-        s = np.stack([self.stack_fit_rows(self.column(law.name)) for law in self.laws], axis=1)
+        s = np.stack([self.whiten_fit_rows(self.column(law.name)) for law in self.laws], axis=1)
         s = np.concatenate([s, np.zeros((len(sd), s.shape[1]))])
         s -= q @ (q.T @ s)
         size = np.linalg.norm(s, axis=0)
         s = s[: -len(sd), size > 0] / size[size > 0]
-        return s.T @ self.stack_fit_rows(change)
+        return s.T @ self.whiten_fit_rows(change)
 
     def unidentifiable(self, fit):
         keys, n = [p.key for p in self.parameters], len(self.parameters)
@@ -276,11 +276,11 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
             loop_symmetries.identifiability_lines(keys, values, fit.interval_covariance[:n, :n]) if self.starts else ()
         )
 
-    def prior_overrun(self, theta):
+    def describe_prior_overrun(self, theta):
         keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.clip_theta(t) != t)
         return f"{keys}: the linear fit ends beyond {WALL:g} sd of the prior" if keys else ""
 
-    def anchor_certificate(self, theta, effects):
+    def linear_change_certificate(self, theta, effects):
         change = {
             c.id: self._change(theta, effects, *self.at, c.id) for c in self.recorded.conditions if c.role == "fit"
         }
@@ -292,16 +292,16 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         }
 
     def check(self, theta, effects):
-        exact, theta = self.exact_features(theta, effects, "fit"), np.asarray(theta, float)
-        off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact.items()}
+        exact_by_condition, theta = self.exact_engine_features(theta, effects, "fit"), np.asarray(theta, float)
+        off = {g: (v - self.linear(theta, effects, g))[: self._sizes[g]] for g, (v, _) in exact_by_condition.items()}
         scaled = np.concatenate([v / self._noise[g].sigma for g, v in off.items()])
-        effect_sigma = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
-        each = self.pseudo({g: (rows - self._draw_rows[g]).T for g, (_, rows) in exact.items()})
+        pseudo_effects = self.pseudo({g: v[:, None] for g, v in off.items()})[:, 0]
+        each = self.pseudo({g: (rows - self._draw_rows[g]).T for g, (_, rows) in exact_by_condition.items()})
         noise_variance = each.var(axis=1, ddof=1) / self.draws
         return {
             "engines": "exact engine (lanes) against the fitted model, same noise",
-            "sigma": float(np.sqrt(max(np.max(effect_sigma**2 - noise_variance), 0.0))),
-            "sigma_with_noise": float(np.max(np.abs(effect_sigma))),
+            "sigma": float(np.sqrt(max(np.max(pseudo_effects**2 - noise_variance), 0.0))),
+            "sigma_with_noise": float(np.max(np.abs(pseudo_effects))),
             "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),
             "anchors": self.anchors,
             "draws": self.draws,

@@ -11,7 +11,7 @@ FREQUENCY_TOLERANCE_HZ = 1e-3  # of the drive frequency
 AIM = 300.0  # sigmas by which a step moves all features together
 
 
-def use_uniform_references(config):
+def disable_retiming(config):
     """A configuration whose references leave evenly, at the same mean phase."""
     if not config.firmware.reference_retimed:
         return config

@@ -24,8 +24,8 @@ from testbench.measured.closed_loop import loop_limits
 from testbench.tracing.problem.problem import Law
 
 # need hours (the warm-up's bias is that of `damping_coupling` in a dwell of seconds), a line's phase, another attitude
-UNOBSERVABLE = ("coupling_warm_up", "pickoff_warm_up", "thermoelastic_bias", "softening_sense", "carrier_ripple")
-UNOBSERVABLE += ("acceleration",)
+HIDDEN_EFFECTS = ("coupling_warm_up", "pickoff_warm_up", "thermoelastic_bias", "softening_sense", "carrier_ripple")
+HIDDEN_EFFECTS += ("acceleration",)
 DUFFING_UM2, CUBIC_V2, LEAK = 1e-7, 1e-2, 1e-5
 DRIVE_N, SENSE_N, CV_X_V, CV_Y_V = 2.8e-11, 2.8e-10, 2.9e-4, 5.8e-6
 PORT_SIZE = dict(zip(law.PORTS, (DRIVE_N, SENSE_N, CV_X_V, CV_Y_V)))
@@ -62,25 +62,25 @@ class Candidate(NamedTuple):
         """Laws to add to a model's own."""
         return (f"{self.port} = {value!r} {self.factors}",) if self.factors else ()
 
-    def port_laws(self, device):
+    def unit_laws(self, device):
         """`law.Law`s of a coefficient of 1 in a device; () of a parameter of a part."""
         return tuple(map(law.parse, self.terms(1.0, device) if self.terms else self.law_texts(1.0)))
 
     def is_time_dependent(self, device):
         """True of a law that asks for the time from power-on."""
-        return any(f.name in law.TIMES for one in self.port_laws(device) for f in one.factors)
+        return any(f.name in law.TIMES for one in self.unit_laws(device) for f in one.factors)
 
 
 def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     """Candidate of a key; a law whose limits have a side has that sign."""
     ones = tuple(map(law.parse, terms(1.0, loop_limits.BOARD)))
-    low, high, reason = limits or loop_limits.law_limits(ones[0])
+    low, high, reason = limits or loop_limits.coefficient_limits(ones[0])
     least, most = number_limits(Effects.model_fields[name])
     if least > low or most < high:
         low, high, reason = max(low, least), min(high, most), f"the range of effects.{name}"
     shape = harmonic(ones[0]) if len(ones) == 1 else ""
-    new_law = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
-    return Candidate(new_law._replace(low=low, high=high, reason=reason, same=shape), f"effects.{name}", terms=terms)
+    key_law = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
+    return Candidate(key_law._replace(low=low, high=high, reason=reason, same=shape), f"effects.{name}", terms=terms)
 
 
 def _cubic_spring(value, device):
@@ -105,7 +105,7 @@ def from_catalogue():
     for effect in catalogue.LAWS:
         i = effect.INFO
         # noise has no shape to fit: another power-on has another; contrasts of repeats tell it (N01 to N04)
-        if i.name not in UNOBSERVABLE and i.mechanism != "noise":
+        if i.name not in HIDDEN_EFFECTS and i.mechanism != "noise":
             limits = getattr(effect, "PHYSICS", None)
             out.append(_key(i.name, i.port, effect.DOC, i.unit, abs(effect.EXAMPLE), effect.terms, limits))
     return tuple(out)
@@ -150,18 +150,18 @@ def from_grammar():
     for port in GRAMMAR:
         for factors in _factors(port):
             one = law.parse(f"{port} = 1.0 {factors}")
-            low, high, reason = loop_limits.law_limits(one)
+            low, high, reason = loop_limits.coefficient_limits(one)
             name = f"{port}: {factors}"
             terms = tuple((str(f._replace(power=1)), float(f.power)) for f in one.factors)
-            scale = min(PORT_SIZE[port] / loop_limits.typical_size(one.factors), max(-low, high))
-            new_law = Law(
+            scale = min(PORT_SIZE[port] / loop_limits.typical_product(one.factors), max(-low, high))
+            candidate_law = Law(
                 name, port, f"c {factors}", one.unit, scale, (low == 0.0) - (high == 0.0), term=terms,
                 page="docs/parts/ports.md", low=low, high=high, reason=reason, same=harmonic(one),
             )  # fmt: skip
-            out.append(Candidate(new_law, "", port, factors))
+            out.append(Candidate(candidate_law, "", port, factors))
     for field, (port, unit, scale) in PARTS.items():
-        low, high, reason = loop_limits.field_limits(field)
+        low, high, reason = loop_limits.field_change_limits(field)
         sign, page = (low == 0.0) - (high == 0.0), "docs/effects/README.md"
-        new_law = Law(f"plant.{field}", port, f"plant.{field} + c", unit, scale, sign, page=page)
-        out.append(Candidate(new_law._replace(low=low, high=high, reason=reason), f"plant.{field}"))
+        candidate_law = Law(f"plant.{field}", port, f"plant.{field} + c", unit, scale, sign, page=page)
+        out.append(Candidate(candidate_law._replace(low=low, high=high, reason=reason), f"plant.{field}"))
     return tuple(out)

@@ -26,7 +26,7 @@ DAMP_N_S_PER_M = BOARD.mass_kg * W_RAD_S / BOARD.qx
 AXES = {"x": ("x", "vx"), "y": ("y", "vy")}
 
 
-def typical_size(factors):
+def typical_product(factors):
     """Product of `law.Factor`s at typical states."""
     powers = (1.0 if f.dress == law.SGN else TYPICAL[f.name] ** f.power for f in factors if f.name in TYPICAL)
     return math.prod(powers)
@@ -42,20 +42,20 @@ def _bound(one):
         return BOARD.amplifier_swing_v, "swing of the amplifiers"
     if names & {"u", "w"}:
         return BOARD.k_vf_sense_n_per_v * TYPICAL["w" if "w" in names else "u"], "the electrode's force keeps its sign"
-    is_direct = names <= {*AXES[axis], "rate", "temp"}
-    displacement, speed = (TYPICAL[name] for name in AXES[axis if is_direct else "yx"["xy".index(axis)]])
+    is_port_axis = names <= {*AXES[axis], "rate", "temp"}
+    typical_displacement, speed = (TYPICAL[name] for name in AXES[axis if is_port_axis else "yx"["xy".index(axis)]])
     odd = sum(f.power for f in one.factors if f.name in ("vx", "vy") and f.dress != law.ABS) % 2
     if not odd:
-        return STIFF_N_PER_M * displacement, "the stiffness stays positive"
-    if not is_direct and names - around == {"vx"} and "rate" in names:
+        return STIFF_N_PER_M * typical_displacement, "the stiffness stays positive"
+    if not is_port_axis and names - around == {"vx"} and "rate" in names:
         return 2 * BOARD.mass_kg * speed, "the Coriolis mass is a part of the mode's"
-    return (1 if is_direct else 2) * DAMP_N_S_PER_M * speed, "the damping stays positive"
+    return (1 if is_port_axis else 2) * DAMP_N_S_PER_M * speed, "the damping stays positive"
 
 
-def law_limits(one):
+def coefficient_limits(one):
     """(low, high, reason) of the coefficient of a `law.Law`; what it has is a factor of that coefficient."""
     largest, reason = _bound(one)
-    high = largest / (abs(one.coefficient) * typical_size(one.factors))
+    high = largest / (abs(one.coefficient) * typical_product(one.factors))
     limits = -high, high
     if _takes_energy(one):
         limits, reason = (-high, 0.0), "no passive part gives energy to its mode"
@@ -63,7 +63,7 @@ def law_limits(one):
     return low, high, reason
 
 
-def field_limits(field):
+def field_change_limits(field):
     """(low, high, reason) of the change of a field of the default `Device`."""
     value, limits = getattr(BOARD, field), next(f for f in FIELDS if f.name == field)
     return limits.lo - value, limits.hi - value, f"the range of plant.{field}"

@@ -2,7 +2,7 @@
 
     jitter   draw k is moved by jitter_hz(k), quantiles of a normal scatter JITTER_HZ wide
     noise    covariance of draws less what their jitter does, plus that of the jitter
-    R        of its correlations: w R_own + (1 - w) R_pooled, w = CONDITION_WEIGHT: edges slip otherwise in each one
+    R        of its correlations: w R_own + (1 - w) R_pooled, w = UNPOOLED_WEIGHT: edges slip otherwise in each one
     level    one factor, so that the draws have unit variance in their own noise: R does not give them that
     gain     data are not among the draws that made the noise, and larger by 1 / gain
     along    mean square of draws left out along the laws, in units of that over all directions: weights by R favour
@@ -21,7 +21,7 @@ from testbench.measured.closed_loop import loop_runs
 
 JITTER_HZ = 1e-3
 NOISE_DRAWS = 64  # of the averaged plant, per condition
-CONDITION_WEIGHT = 0.3  # the likeliest of draws left out
+UNPOOLED_WEIGHT = 0.3  # the likeliest of draws left out
 FOLDS = 8
 # quantiles in random order: their variance is that of the scatter, not that of 64 draws of it
 JITTER = np.random.default_rng(3).permutation(norm.ppf((np.arange(NOISE_DRAWS) + 0.5) / NOISE_DRAWS))
@@ -41,19 +41,19 @@ def jitter_hz(draw):
     return float(JITTER[draw])
 
 
-def estimate_noise(draws, shift_hz=JITTER):
-    """{condition: Noise} of {condition: ((draws, n), change per hertz)}; shift_hz: jitter of each draw.
+def estimate_noise(draws, draw_shifts_hz=JITTER):
+    """{condition: Noise} of {condition: ((draws, n), change per hertz)}; draw_shifts_hz: jitter of each.
 
     The scatter of the power-ons is what it is; correlations of the rest are shared among conditions of one length.
     """
     pools, sigma, scaled = {}, {}, {}
-    jitter = shift_hz - np.mean(shift_hz)
+    jitter = draw_shifts_hz - np.mean(draw_shifts_hz)
     for name, (rows, slope) in draws.items():
-        centred_rows = rows - rows.mean(axis=0) - np.outer(jitter, slope)
-        sd = centred_rows.std(axis=0, ddof=1)
+        jitter_free_rows = rows - rows.mean(axis=0) - np.outer(jitter, slope)
+        sd = jitter_free_rows.std(axis=0, ddof=1)
         least = 0.1 * np.median(sd.reshape(len(loop_runs.NAMES), -1), axis=1)
         sigma[name] = np.maximum(sd, np.repeat(np.maximum(least, 1e-300), len(sd) // len(loop_runs.NAMES)))
-        scaled[name] = centred_rows / sigma[name]
+        scaled[name] = jitter_free_rows / sigma[name]
         pools.setdefault(rows.shape[1], []).append(scaled[name])
     out = {}
     for name, (rows, slope) in draws.items():
@@ -63,7 +63,7 @@ def estimate_noise(draws, shift_hz=JITTER):
             raise ConfigError(
                 f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
             )
-        r = CONDITION_WEIGHT * scaled[name].T @ scaled[name] / (len(rows) - 1) + (1 - CONDITION_WEIGHT) * z.T @ z / dof
+        r = UNPOOLED_WEIGHT * scaled[name].T @ scaled[name] / (len(rows) - 1) + (1 - UNPOOLED_WEIGHT) * z.T @ z / dof
         c = r * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)
         total_sigma = np.sqrt(np.diag(c))
         out[name] = Noise(total_sigma, np.linalg.cholesky(c / np.outer(total_sigma, total_sigma)))
@@ -71,7 +71,7 @@ def estimate_noise(draws, shift_hz=JITTER):
     return {name: n._replace(chol=level * n.chol) for name, n in out.items()}
 
 
-def split_draws(draws):
+def cross_validation_folds(draws):
     """FOLDS times: {condition: Noise} without some draws, {condition: (n, features)} of those less the others' mean."""
     count = len(next(iter(draws.values()))[0])
     for fold in range(FOLDS):
@@ -87,7 +87,7 @@ def compute_noise_gain(draws):
 
     Those are inside their own covariance, data are not: 1 over the rms of draws left out, FOLDS times.
     """
-    return float(1 / np.sqrt(np.mean([_mean_square(noise, rows) for noise, rows in split_draws(draws)])))
+    return float(1 / np.sqrt(np.mean([_mean_square(noise, rows) for noise, rows in cross_validation_folds(draws)])))
 
 
 def deviations(rows):

@@ -45,21 +45,21 @@ def corners(recorded):
             id=f"next{k + 1}", a_um=a_um, rate_dps=dps, from_dps=-dps, temperature_degc=TEMPERATURES_DEGC[j],
             detune_deg=DETUNINGS_DEG[m], role="fit", rate_ramp_dps_s=0.0, temperature_ramp_k_s=0.0,
         )  # fmt: skip
-        out.append(c._replace(seconds=select_similar(c, recorded).seconds))
+        out.append(c._replace(seconds=most_similar(c, recorded).seconds))
     return out
 
 
-def select_similar(condition, recorded):
+def most_similar(condition, recorded):
     """The recorded condition that is most alike."""
 
     def dissimilarity(c):
-        differences = ((getattr(c, name) - getattr(condition, name)) / one for name, one in ALIKE)
-        return math.log2(c.a_um / condition.a_um) ** 2 + sum(v * v for v in differences)
+        scaled_differences = ((getattr(c, name) - getattr(condition, name)) / one for name, one in ALIKE)
+        return math.log2(c.a_um / condition.a_um) ** 2 + sum(v * v for v in scaled_differences)
 
     return min(recorded, key=dissimilarity)
 
 
-def second_amplitudes(recorded):
+def amplitude_conditions(recorded):
     """`plan.Condition`s with another amplitude at each temperature that has only one."""
     least, most, at = min(c.a_um for c in recorded), max(c.a_um for c in recorded), {}
     for c in recorded:
@@ -77,14 +77,14 @@ def second_amplitudes(recorded):
 def describe_shadowed_laws(problem):
     """Lines on laws of the catalogue that a temperature coefficient takes, and the conditions that would show them."""
     recorded = [c for c in problem.conditions.values() if c.role == "fit"]
-    conditions = ", ".join(f"{c.a_um:g} um at {c.temperature_degc:g} degC" for c in second_amplitudes(recorded))
+    conditions = ", ".join(f"{c.a_um:g} um at {c.temperature_degc:g} degC" for c in amplitude_conditions(recorded))
     slopes = [k for k, n in enumerate(problem.nuisances) if n.name.partition(".")[2] in SLOPES]
     if not problem.starts or not slopes or not conditions:
         return ()
-    j = problem.stack_fit_rows(problem.tangent) * [n.prior_sd for n in problem.nuisances]
+    j = problem.whiten_fit_rows(problem.tangent) * [n.prior_sd for n in problem.nuisances]
     shadowed = {}
     for law in problem.laws:
-        column = problem.stack_fit_rows(problem.column(law.name))
+        column = problem.whiten_fit_rows(problem.column(law.name))
         free = _unexplained_sigmas(j, column)
         fixed = {k: _unexplained_sigmas(np.delete(j, k, axis=1), column) for k in slopes}
         most = max(fixed, key=fixed.get)
@@ -117,39 +117,39 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
         self.columns = {name: dict(of.column(name)) for name in laws}
         # steps that move the recorded features by AIM sigmas
         steps = {name: AIM / max(of.size(v), 1e-300) for name, v in self.columns.items()}
-        for c in corners(recorded) + (second_amplitudes(recorded) if of.starts else []):
-            recorded_id = select_similar(c, recorded).id
-            tangents = self._tangents(c, recorded_id, steps)
-            if tangents is not None:
-                self.conditions[c.id], self.likes[c.id], self.tangent[c.id] = c, recorded_id, tangents[0]
-                for name, column in zip(laws, tangents[1]):
+        for c in corners(recorded) + (amplitude_conditions(recorded) if of.starts else []):
+            similar_id = most_similar(c, recorded).id
+            tangent_columns = self._tangents(c, similar_id, steps)
+            if tangent_columns is not None:
+                self.conditions[c.id], self.likes[c.id], self.tangent[c.id] = c, similar_id, tangent_columns[0]
+                for name, column in zip(laws, tangent_columns[1]):
                     self.columns[name][c.id] = column
         rows = {s.group: (k, s) for k, s in enumerate(of.segments)}
-        self.likes = {g: rows[recorded_id] for g, recorded_id in self.likes.items()}
+        self.likes = {g: rows[similar_id] for g, similar_id in self.likes.items()}
         self.segments = tuple(
             Segment(g, {k: getattr(c, k) for k in PRINTED}, g, 0, "fit", self.likes[g][1].observables)
-            for g, c in ((g, _plan_condition(c)) for g, c in self.conditions.items())
+            for g, c in ((g, _as_plan_condition(c)) for g, c in self.conditions.items())
         )
         self.hashes = of.hashes | {"offered": of.key([*self.conditions.values()], sorted(laws))}
 
-    def _tangents(self, condition, recorded_id, steps):
+    def _tangents(self, condition, similar_id, steps):
         """(nuisances' columns, laws' columns) at a condition; None without a lock or where one fails."""
         names, laws = [n.name for n in self.nuisances], list(self.columns)
         try:
-            tangents = Tangents(self.of.single_condition_problem(condition, recorded_id))
+            tangents = Tangents(self.of.single_condition_problem(condition, similar_id))
             for name in laws:
                 sign = self.of.candidates[name].law.sign or 1
                 tangents.steps[name] = sign * min(steps[name], tangents.largest(name))
             tangents.steps.update((n, s) for n, s in self.of.tangents.steps.items() if n in names)
             tangents.make([*names, *laws])
-            columns = tangents.matrix("fit")[condition.id], [tangents.direct_column(n)[condition.id] for n in laws]
+            columns = tangents.matrix("fit")[condition.id], [tangents.column_from_runs(n)[condition.id] for n in laws]
         except (ConfigError, PredictionFailed):
             return None
         return columns if all(np.isfinite(v).all() for v in (columns[0], *columns[1])) else None
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         """Nothing has been measured: zeros."""
-        return np.zeros(len(self.of.segment_features(self.likes[self.segments[k].group][0])))
+        return np.zeros(len(self.of.observed_features(self.likes[self.segments[k].group][0])))
 
     def predict(self, points, which):
         out = []
@@ -158,7 +158,7 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
             for g in (self.segments[k].group for k in which):
                 y = self.tangent[g] @ (np.asarray(theta) - self.of.first)
                 y = y + sum(self.columns[name][g] * effects[name] for name in sorted(effects))
-                out[-1].append(y[: len(self.segment_features(which[0]))])
+                out[-1].append(y[: len(self.observed_features(which[0]))])
         return out
 
     def whiten(self, k, v):
@@ -171,6 +171,6 @@ class Offered(Problem, adds="of likes conditions tangent columns"):
         return "\n".join(["[[condition]]", *(f"{key} = {short_toml(value)}" for key, value in rows)])
 
 
-def _plan_condition(c):
+def _as_plan_condition(c):
     """A condition as a plan has it."""
     return c._replace(settle_s=SETTLE_S, from_dps=loop_runs.before_dps(c))

@@ -43,7 +43,7 @@ def phasors(theta, values):
     return np.array(out)
 
 
-def _word_means(words, step):
+def _word_block_means(words, step):
     """(2, blocks) means of words and of their changes a frame: an electrode follows its word by some frames."""
     words = words.astype(float)
     return np.stack([words, np.gradient(words)]).reshape(2, -1, step).mean(axis=2)
@@ -60,7 +60,7 @@ def probe(bench, run):
     config, tick_turns = run.model.config, np.mean(np.diff(theta) % 1.0)
     leads = build.electrode_leads(config, config.device())
     for name, column, lead in (("u", AMPLITUDE, leads[0]), ("w", FORCE, leads[1])):
-        words = _word_means(out.frames[: step * len(nodes[name]), column], step)
+        words = _word_block_means(out.frames[: step * len(nodes[name]), column], step)
         # a port takes the mean of a staircase, which is that much further on
         states[name] = np.linalg.lstsq(words.T, nodes[name], rcond=None)[0] * np.exp(2j * np.pi * lead * tick_turns)
     states["cy"] = np.vdot(nodes["y"], nodes["cy"]) / np.vdot(nodes["y"], nodes["y"])
@@ -81,7 +81,7 @@ def trajectory(run, states, rows):
     out = {"y": states["x"] * mean((y - 1j * quarter * vy) / (x - 1j * quarter * vx))}
     words = {"u": AMPLITUDE, "w": FORCE}
     out |= {
-        name: states[name] @ _word_means(rows.frames[first:end, column], loop_runs.BLOCK)
+        name: states[name] @ _word_block_means(rows.frames[first:end, column], loop_runs.BLOCK)
         for name, column in words.items()
     }
     out |= {name: np.full(len(out["y"]), states[name]) for name in ("x", "cx")}
@@ -93,7 +93,7 @@ def trajectory(run, states, rows):
     return out | {"rate": mean(rate), "temp": mean(temp), "s": t_s}
 
 
-def _apply_dress(values, dress):
+def _apply_sign_or_abs(values, dress):
     return np.sign(values) if dress == law.SGN else np.abs(values) if dress == law.ABS else values
 
 
@@ -111,15 +111,15 @@ def envelope(one, states, temp_ref_degc):
             v = (states[f.name] - (temp_ref_degc if f.name == "temp" else 0.0))[:, None]
         else:
             v = np.real(states[f.name][:, None] * turn)
-        value = value * _apply_dress(v, f.dress) ** f.power
+        value = value * _apply_sign_or_abs(v, f.dress) ** f.power
     # the reference of the demodulators stands where the loop holds cx
     about = np.exp(1j * np.angle(states["cx"][0])) if one.port in law.CV_PORTS else 1.0
     turn = turn * about
     first, third, fifth = (2 / POINTS * np.sum(value * np.conj(turn) ** n, axis=1) for n in (1, 3, 5))
     if one.port in law.FORCE_PORTS:
         return first
-    in_phase = np.real(first) - np.real(third) / 3 + np.real(fifth) / 5
-    return (in_phase + 1j * (np.imag(first) + np.imag(third) / 3 + np.imag(fifth) / 5)) * about
+    in_phase_component = np.real(first) - np.real(third) / 3 + np.real(fifth) / 5
+    return (in_phase_component + 1j * (np.imag(first) + np.imag(third) / 3 + np.imag(fifth) / 5)) * about
 
 
 def shares(one, states, temp_ref_degc):

@@ -60,14 +60,14 @@ class LoopProblem(AnchoredLoop):
 
     library_late = True
 
-    def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, cache=None, progress=None):
+    def __init__(self, measured, model, nuisances, candidates, library=(), bench=None, loop_cache=None, progress=None):
         # runs are shared by all records at one time from power-on; laws that ask for it have that of the record
         self.after = {c.id: c.settle_s for c in measured.conditions}
         conditions = tuple(c._replace(settle_s=loop_runs.SETTLE_S) for c in measured.conditions)
         measured = measured._replace(conditions=conditions)
         self.name, self.recorded, self.model = measured.name, measured, model
         self.parameters, self.progress = tuple(nuisances), progress
-        self.bench, self.kept = bench or loop_runs.Bench(), cache or LoopCache()
+        self.bench, self.kept = bench or loop_runs.Bench(), loop_cache or LoopCache()
         # what is fitted as a nuisance is no law beside it
         nuisance_keys = {p.key for p in self.parameters}
         candidates, library = ([c for c in laws if c.key not in nuisance_keys] for laws in (candidates, library))
@@ -83,7 +83,7 @@ class LoopProblem(AnchoredLoop):
         self.per_hz = 8 * np.pi**2 * model.plant.mass_kg * model.plant.fx_hz
         self._sizes = {c.id: loop_runs.feature_count(c) for c in measured.conditions}
         self._count = {c.id: len(loop_runs.bins(c)) - 1 for c in measured.conditions}
-        self.slope = {c.id: _frequency_slope(c) for c in measured.conditions}
+        self.slope = {c.id: _feature_slope_per_hz(c) for c in measured.conditions}
         self.place, self._densities = dict.fromkeys(self.conditions, 0.0), {}
         self._set_frequency_offsets()
         draws = self._draws(loop_noise.NOISE_DRAWS, power_on=True)
@@ -99,13 +99,13 @@ class LoopProblem(AnchoredLoop):
         self.anchor(self.first, {})
         self.tangents = Tangents(self)
         for names in (self.nuisances, self.laws):
-            self.tangents.make(self.tangents.select_direct([item.name for item in names]))
+            self.tangents.make(self.tangents.exclude_response_laws([item.name for item in names]))
         self.tangent = self.tangents.matrix("fit") | self.tangents.matrix("validate")
         self.noise_along = self._law_noise_ratio(fitted) if self.laws else 1.0
         if any(np.any(v) for v in measured.values.values()):
             self.settle()
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         s = self.segments[k]
         return self.recorded.values[s.group][s.repeat][: self._sizes[s.group]]
 
@@ -132,9 +132,9 @@ class LoopProblem(AnchoredLoop):
     def _law_noise_ratio(self, draws):
         """Mean square of draws left out along the laws, in units of that of all their rows: loop_noise."""
         other, out = copy.copy(self), []
-        for other._noise, excluded_draws in loop_noise.split_draws(draws):
+        for other._noise, excluded_draws in loop_noise.cross_validation_folds(draws):
             one = {g: v.T / np.sqrt(len(self.recorded.values[g])) for g, v in excluded_draws.items()}
-            out.append(np.mean(other.pseudo(one) ** 2) / np.mean(other.stack_fit_rows(one) ** 2))
+            out.append(np.mean(other.pseudo(one) ** 2) / np.mean(other.whiten_fit_rows(one) ** 2))
         return float(np.mean(out))
 
     def repeatability_rms(self, k):
@@ -144,14 +144,14 @@ class LoopProblem(AnchoredLoop):
     @property
     def noise_findings(self):
         """Noise of the channels within the dwells against that of the draws at the anchor."""
-        recorded, model = (
+        recorded_densities, model = (
             {g: d for g, d in of.items() if len(d) and all(v is not None for v in d)}
             for of in (self.recorded.densities, self._densities)
         )
-        return tuple(findings.frame_findings(recorded, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
+        return tuple(findings.frame_findings(recorded_densities, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
 
     def unsupported_reason(self, law):
-        lags_s = [f.argument for one in self.candidates[law].port_laws(self.model.device())
+        lags_s = [f.argument for one in self.candidates[law].unit_laws(self.model.device())
                             for f in one.factors if f.name == "lag"]  # fmt: skip
         span_s = max(self.after[c.id] + c.seconds for c in self.conditions.values()) - min(self.after.values())
         if not lags_s or span_s >= max(lags_s):
@@ -203,9 +203,9 @@ class Fine:
     def prediction_noise(self):
         return self._problem.prediction_noise
 
-    def segment_features(self, k):
-        s, recorded = self.segments[k], self._problem.recorded
-        return recorded.values[s.group][s.repeat][loop_runs.feature_count(self._problem.conditions[s.group]) :]
+    def observed_features(self, k):
+        s, measured = self.segments[k], self._problem.recorded
+        return measured.values[s.group][s.repeat][loop_runs.feature_count(self._problem.conditions[s.group]) :]
 
     def predict(self, points, which):
         groups = [self.segments[k].group for k in which]
@@ -224,7 +224,7 @@ class Fine:
         return {o.name: float(np.sqrt(np.mean(rows[:, o.rows] ** 2))) for o in s.observables}
 
 
-def _frequency_slope(condition):
+def _feature_slope_per_hz(condition):
     """Change of the features per hertz of drive frequency: that of the frequency word."""
     out = [
         np.repeat(np.array(loop_runs.NAMES) == "f_word", len(edges) - 1)

@@ -79,19 +79,19 @@ def setpoints(record, model, s):
     Else what the registers hold: a stated set-point of three digits would be taken for an effect. ConfigError for
     other registers that the model does not set.
     """
-    bank_values = bank(record, (s.first + s.frames) * FRAME_CYCLES)
+    recorded_registers = bank(record, (s.first + s.frames) * FRAME_CYCLES)
     model_registers = registers.State()._asdict() | dict(build.register_writes(model))
     for name in MODELLED:
-        if name in bank_values and bank_values[name][0] != model_registers[name]:
-            raw, source = bank_values[name]
+        if name in recorded_registers and recorded_registers[name][0] != model_registers[name]:
+            raw, source = recorded_registers[name]
             raise ConfigError(f"{source}: {name} = {raw}, the configuration of the model sets {model_registers[name]}")
     a_um, detune, nominal = float(s.a_set), float(s.detune), build.nominal(model)
-    raw = bank_values.get("amplitude_setpoint", (None,))[0]
+    raw = recorded_registers.get("amplitude_setpoint", (None,))[0]
     if raw not in (None, agc.setpoint(a_um, nominal["v_per_um"], nominal["adc_drive_v"])):
         a_um = raw / (nominal["v_per_um"] / nominal["adc_drive_v"] * 2**23 * float(cordic.gain()))
-    raw, model_word = bank_values.get("phase_drive_sine", (None,))[0], model.firmware.phase_words()[0]
-    if raw not in (None, (phase_word(detune) + model_word) % loop_runs.TURN):
-        detune = math.remainder((raw - model_word) / loop_runs.TURN, 1.0) * 360
+    raw, model_phase_word = recorded_registers.get("phase_drive_sine", (None,))[0], model.firmware.phase_words()[0]
+    if raw not in (None, (phase_word(detune) + model_phase_word) % loop_runs.TURN):
+        detune = math.remainder((raw - model_phase_word) / loop_runs.TURN, 1.0) * 360
     return a_um, detune
 
 
@@ -101,7 +101,7 @@ def _course(record, s, quantity):
     end = begin + s.frames * FRAME_CYCLES
     rows = stated.rows_between(begin, end)
     limit = (rate_limit if quantity == "rate" else temp_limit)(stated, rows[-1])
-    if len(rows) < 2 or stated.value_range(rows) <= limit:
+    if len(rows) < 2 or stated.observed_range(rows) <= limit:
         return float(s.rate_set if quantity == "rate" else s.temp_set), 0.0
     edges = np.clip([*stated.edges[rows.start : rows.stop], end], begin, end)
     middle_s = ((edges[1:] + edges[:-1]) / 2 - begin) / (FRAME_CYCLES * FRAME_HZ)
@@ -153,15 +153,15 @@ def measured_features(record, name, hashes):
     def columns(s):
         return {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
 
-    def segment_vector(c, s):
+    def compute_features(c, s):
         return loop_runs.feature_vector(c, columns(s), lsb, fine=True)
 
-    out = {key: np.array([segment_vector(groups[key], s) for s in members]) for key, members in values.items()}
-    densities = {
+    out = {key: np.array([compute_features(groups[key], s) for s in members]) for key, members in values.items()}
+    channel_densities = {
         key: [loop_spectra.densities(columns(s), loop_runs.frame_count(groups[key].seconds)) for s in members]
         for key, members in values.items()
     }
-    return loop_problem.Measured(name, tuple(groups.values()), out, hashes, densities)
+    return loop_problem.Measured(name, tuple(groups.values()), out, hashes, channel_densities)
 
 
 def _settle_s(record, members):
@@ -180,12 +180,12 @@ def _settle_s(record, members):
 def has_independent_holdout(record):
     """True if no power-on has both fitted and held-out segments: what is held out is of another session."""
     starts = [s.first for s in sessions(record)]
-    power_ons = {role: {np.searchsorted(starts, s.first, "right") for s in segments(record) if s.role == role}
+    power_ons_by_role = {role: {np.searchsorted(starts, s.first, "right") for s in segments(record) if s.role == role}
           for role in ("fit", "validate")}  # fmt: skip
-    return not power_ons["fit"] & power_ons["validate"]
+    return not power_ons_by_role["fit"] & power_ons_by_role["validate"]
 
 
-def open_record(paths, options, calibrated=None, bench=None, cache=None):
+def open_record(paths, options, calibrated=None, bench=None, loop_cache=None):
     """`LoopProblem` of one record, or None if the content is no record. Options: grammar = no, threads = N.
 
     calibrated  function(data, model, record, bench) -> (model, parameters, lines) from priors that are too wide for a
@@ -206,7 +206,7 @@ def open_record(paths, options, calibrated=None, bench=None, cache=None):
     bench = bench or loop_runs.Bench(int(options.get("threads", loop_runs.THREADS)))
     calibration = calibrated(data, model, record, bench) if calibrated else None
     model, nuisances, lines = calibration or (model, parameters.read_parameters(record), ())
-    problem = loop_problem.LoopProblem(data, model, nuisances, loop_laws.from_catalogue(), library, bench, cache)
+    problem = loop_problem.LoopProblem(data, model, nuisances, loop_laws.from_catalogue(), library, bench, loop_cache)
     quality = tuple(str(f) for of in (adc_codes, dac_range) for f in of.findings(record))
     problem.warnings = (
         *loaded.warnings,

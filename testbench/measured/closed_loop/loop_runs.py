@@ -164,8 +164,8 @@ def switched_on(cfg, condition):
     sim.keep_codes = sim.keep_rows = False
     register_words["amplitude_setpoint"] = agc.setpoint(condition.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
     if condition.detune_deg:
-        sine_word = cfg.firmware.phase_words()[0]
-        register_words["phase_drive_sine"] = (phase_word(condition.detune_deg) + sine_word) % TURN
+        compensation_word = cfg.firmware.phase_words()[0]
+        register_words["phase_drive_sine"] = (phase_word(condition.detune_deg) + compensation_word) % TURN
     sim.now = (np.array([before * DEG]), np.array([temp]))
     for name, raw in register_words.items():
         sim.write(name, raw)
@@ -174,8 +174,8 @@ def switched_on(cfg, condition):
 
 def power_on(sims, ticks):
     """engine.State of boards that have been switched on under one condition, at a tick: side by side if they may."""
-    now, lane_kinds = [sim.now for sim in sims], {(sim.tick, lanes.kind(sim.params)) for sim in sims}
-    if len(sims) >= LEAST_LANES and len(lane_kinds) == 1 and lane_kinds.pop()[1] is not None:
+    now, tick_kind_pairs = [sim.now for sim in sims], {(sim.tick, lanes.kind(sim.params)) for sim in sims}
+    if len(sims) >= LEAST_LANES and len(tick_kind_pairs) == 1 and tick_kind_pairs.pop()[1] is not None:
         lanes.Lanes(sims).advance(ticks - sims[0].tick, *zip(*now))
     else:
         for sim, (rate, temp) in zip(sims, now):
@@ -237,10 +237,10 @@ class Bench:
 
     def probe_run(self, run, frames, rate_rad_s):
         """engine.Streams of the frame engine, every tick probed, from the locked state that a run begins from."""
-        p, state = _run_params(run), self.locked_state(run.start, run.condition)
+        p, state = _engine_params(run), self.locked_state(run.start, run.condition)
         out = engine.streams(0, frames + 1, 0, frames * FRAME_TICKS, 0)
         rate, temp = np.full(frames + 2, rate_rad_s), np.full(frames + 2, float(run.condition.temperature_degc))
-        frame.run(p, match_switches(p, state), frames * FRAME_TICKS, rate, temp, engine.NO_WRITE, engine.Faults(), out)
+        frame.run(p, sync_switches(p, state), frames * FRAME_TICKS, rate, temp, engine.NO_WRITE, engine.Faults(), out)
         return out
 
     def setup(self, run, p):
@@ -248,10 +248,10 @@ class Bench:
         c = run.condition
         warmth = c.temperature_degc, c.temperature_ramp_k_s, c.seconds if c.temperature_ramp_k_s else 0.0
         key = run.model.config.model_dump_json(include={"firmware", "plant"}), *warmth
-        base_setup = _get_cached(self._setups, key, MOST_SETUPS, lambda: baseband_setup.setup(p))
-        turns = p.fpga.design.tick_clocks * base_setup.word0
-        laws = averaged_laws.design(p.plant.effects, p.plant.laws, base_setup.laws.reference_turns, turns)
-        return base_setup._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else base_setup.drive_lsb_v)
+        cached_setup = _get_cached(self._setups, key, MOST_SETUPS, lambda: baseband_setup.setup(p))
+        turns = p.fpga.design.tick_clocks * cached_setup.word0
+        laws = averaged_laws.design(p.plant.effects, p.plant.laws, cached_setup.laws.reference_turns, turns)
+        return cached_setup._replace(laws=laws, drive_lsb_v=0.0 if run.smooth else cached_setup.drive_lsb_v)
 
     def run(self, runs, kind, progress=None, fine=False, lenient=False, take=None):
         """Features of `Run`s.
@@ -262,32 +262,32 @@ class Bench:
         take    function(run, engine.Streams) whose values are wanted instead of the features
         """
         take = take or (lambda run, rows: _features(run, rows.frames, fine))
-        states = self._begun(runs)
-        params = [_run_params(r) for r in runs] if kind == EXACT else []
-        out, finished_s, total_s = [None] * len(runs), 0.0, sum(run_length_ticks(r) for r in runs) / TICK_HZ
+        start_states = self._begun(runs)
+        params = [_engine_params(r) for r in runs] if kind == EXACT else []
+        out, simulated_s, total_run_s = [None] * len(runs), 0.0, sum(run_length_ticks(r) for r in runs) / TICK_HZ
 
         def work(members):
-            nonlocal finished_s
+            nonlocal simulated_s
             if kind != EXACT:
-                rows = [self._run_baseband(runs[k], states[k], lenient) for k in members]
+                rows = [self._run_baseband(runs[k], start_states[k], lenient) for k in members]
             elif len(members) >= LEAST_LANES:
-                rows = _side_by_side([(runs[k], params[k], states[k]) for k in members])
+                rows = _side_by_side([(runs[k], params[k], start_states[k]) for k in members])
             else:
-                rows = [_run_single(runs[k], params[k], states[k], frame.run) for k in members]
+                rows = [_run_single(runs[k], params[k], start_states[k], frame.run) for k in members]
             for k, row in zip(members, rows):
                 out[k] = None if row is None else take(runs[k], row)
-            finished_s += sum(run_length_ticks(runs[k]) for k in members) / TICK_HZ
+            simulated_s += sum(run_length_ticks(runs[k]) for k in members) / TICK_HZ
             if progress:
-                progress(f"{kind} engine", finished_s, total_s)
+                progress(f"{kind} engine", simulated_s, total_run_s)
 
-        self._map_jobs(work, _lane_groups(runs, params) if kind == EXACT else [[k] for k in range(len(runs))])
+        self._run_jobs(work, _lane_groups(runs, params) if kind == EXACT else [[k] for k in range(len(runs))])
         return out
 
     def _run_baseband(self, run, state, lenient):
         """Rows of a run in the baseband engine; None where it fails and may."""
         try:
             with DESIGN:
-                p = _run_params(run)
+                p = _engine_params(run)
                 baseband.prepare(p, self.setup(run, p))
             return _run_single(run, p, state, baseband.run)
         except ConfigError:
@@ -297,26 +297,26 @@ class Bench:
 
     def _begun(self, runs):
         """States from which runs begin, each its own copy."""
-        powered_runs, states = {}, {}
+        power_on_indices, run_states = {}, {}
         for k, r in enumerate(runs):
             if r.start is None:
-                powered_runs.setdefault(r.condition.id, []).append(k)
+                power_on_indices.setdefault(r.condition.id, []).append(k)
 
         def power(members):
             sims = [switched_on(seeded_config(runs[k].model, runs[k].seed), runs[k].condition) for k in members]
-            states.update(zip(members, power_on(sims, AVERAGED_START_TICKS)))
+            run_states.update(zip(members, power_on(sims, AVERAGED_START_TICKS)))
 
-        self._map_jobs(power, [g[i : i + LANES] for g in powered_runs.values() for i in range(0, len(g), LANES)])
-        locked = ((k, r) for k, r in enumerate(runs) if k not in states)
-        states.update((k, self.locked_state(r.start, r.condition)._replace(tick=begin_tick(r))) for k, r in locked)
-        return [states[k] for k in range(len(runs))]
+        self._run_jobs(power, [g[i : i + LANES] for g in power_on_indices.values() for i in range(0, len(g), LANES)])
+        locked = ((k, r) for k, r in enumerate(runs) if k not in run_states)
+        run_states.update((k, self.locked_state(r.start, r.condition)._replace(tick=begin_tick(r))) for k, r in locked)
+        return [run_states[k] for k in range(len(runs))]
 
-    def _map_jobs(self, work, jobs):
+    def _run_jobs(self, work, jobs):
         with ThreadPoolExecutor(self.threads) as pool:
             list(pool.map(work, jobs))
 
 
-def _run_params(run):
+def _engine_params(run):
     _, temps = _profiles(run)
     return build.params(seeded_config(run.model, run.seed), float(temps.min()), float(temps.max()))
 
@@ -329,11 +329,11 @@ def _lane_groups(runs, params):
     return [g[i : i + LANES] for g in groups.values() for i in range(0, len(g), LANES)]
 
 
-def _noise_streams(run):
+def _allocate_streams(run):
     return engine.streams(0, frames_begun(begin_tick(run), run_length_ticks(run)), 0, 0, 0)
 
 
-def match_switches(p, s):
+def sync_switches(p, s):
     """A state as a board with other references goes on from it: its analog switches follow its own pins.
 
     An edge that has left one board's pins and not yet the other's would be missed, and a channel inverted for good.
@@ -346,13 +346,13 @@ def match_switches(p, s):
 
 def _side_by_side(members):
     """Rows of up to eight runs in the lanes engine."""
-    members = [(r, p, match_switches(p, s)) for r, p, s in members]
+    members = [(r, p, sync_switches(p, s)) for r, p, s in members]
     ticks = run_length_ticks(members[0][0])
     profiles = [_profiles(r) for r, _, _ in members]
-    outs = [_noise_streams(r) for r, _, _ in members]
-    states = [s for _, _, s in members]
+    outs = [_allocate_streams(r) for r, _, _ in members]
+    start_states = [s for _, _, s in members]
     group = lanes.Engine([p for _, p, _ in members])
-    after = group.run(states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
+    after = group.run(start_states, ticks, *zip(*profiles), [engine.Faults()] * len(members), outs)
     for s, (r, _, _) in zip(after, members):
         _sure(s, r.condition)
     return outs
@@ -360,8 +360,8 @@ def _side_by_side(members):
 
 def _run_single(run, p, state, play):
     """Rows of a run in an engine by itself; `frame.run` has the bits of the lanes."""
-    out = _noise_streams(run)
-    state = match_switches(p, state)
+    out = _allocate_streams(run)
+    state = sync_switches(p, state)
     after = play(p, state, run_length_ticks(run), *_profiles(run), engine.NO_WRITE, engine.Faults(), out)
     _sure(after, run.condition)
     return out
@@ -385,8 +385,8 @@ def _features(run, frames, fine):
 def with_densities(run, rows):
     """(features with fine ones, densities of the channels) of a run."""
     columns, volts = dwell_codes(run, rows.frames), lsb_volts(run.model.config)
-    densities = loop_spectra.densities(columns, frame_count(run.condition.seconds))
-    return feature_vector(run.condition, columns, volts, fine=True), densities
+    channel_densities = loop_spectra.densities(columns, frame_count(run.condition.seconds))
+    return feature_vector(run.condition, columns, volts, fine=True), channel_densities
 
 
 def block_means(run, rows):

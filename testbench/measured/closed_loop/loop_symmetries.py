@@ -69,7 +69,7 @@ DELAY = Symmetry(
 )
 SYMMETRIES = (MOTION, DELAY)
 HIDDEN = 10.0  # times a change of the data: columns of steps hold to some percent
-VISIBLE_SIGMAS = 30.0  # sigmas by which the step along a weak direction moves all features, far above their rounding
+WEAK_STEP_SIGMAS = 30.0  # sigmas by which the step along a weak direction moves all features, far above their rounding
 REACH = 0.5  # sd of the priors: the largest such step
 NOTHING = 1e-9  # of the largest singular value: no data see it
 # never fitted: it scales with every force, and with nothing else
@@ -104,12 +104,12 @@ def weak(columns):
     _, sizes, directions = np.linalg.svd(columns, full_matrices=False)
     parts = np.abs(directions * np.linalg.norm(columns, axis=0)).max(axis=1)
     some = (sizes > NOTHING * sizes[0]) & (parts > HIDDEN * sizes)
-    return [(d, min(VISIBLE_SIGMAS / size, REACH)) for d, size in zip(directions[some], sizes[some])]
+    return [(d, min(WEAK_STEP_SIGMAS / size, REACH)) for d, size in zip(directions[some], sizes[some])]
 
 
 def correct_columns(columns, directions, measured):
     """Columns (n, parameters) whose changes along orthonormal directions are the measured ones (directions, n)."""
     if not len(directions):
         return columns
-    basis = np.array(directions)
-    return columns + (np.array(measured) - basis @ columns.T).T @ basis
+    direction_basis = np.array(directions)
+    return columns + (np.array(measured) - direction_basis @ columns.T).T @ direction_basis

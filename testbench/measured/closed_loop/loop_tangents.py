@@ -13,13 +13,13 @@ Source    docs/measured.md
 
 import numpy as np
 
-from testbench.measured.closed_loop.loop_difference_plant import AIM, FREQUENCY_TOLERANCE_HZ, use_uniform_references
+from testbench.measured.closed_loop.loop_difference_plant import AIM, FREQUENCY_TOLERANCE_HZ, disable_retiming
 from testbench.measured.closed_loop.loop_responses import Responses, covers
 from testbench.measured.closed_loop.loop_symmetries import active_symmetries, correct_columns, weak
 from testbench.tracing.problem.problem import PredictionFailed
 
-AIM_FACTOR = 2.5  # how far off AIM a step may be
-VISIBLE_SIGMAS = 10.0  # sigmas of all features together, that a law's largest step must move
+AIM_TOLERANCE = 2.5  # how far off AIM a step may be
+MIN_LAW_SIGMAS = 10.0  # sigmas of all features together, that a law's largest step must move
 LARGEST_SCALES = 1e4  # of a law of the grammar
 GUESSES, SHORTER = 6, 0.03  # steps tried under one condition; factor of a step where the plant leaves its range
 
@@ -37,8 +37,8 @@ class Tangents:
         self._where = of.key(list(of.conditions.values()), *of.starts)
         # {name: step}: 0 of a law that these data do not see
         self.steps = of.kept.steps.setdefault(self._where, {})
-        port_laws = {name: c.port_laws(of.model.device()) for name, c in of.candidates.items()}
-        self._port_laws = {name: laws for name, laws in port_laws.items() if covers(laws)}
+        candidate_laws = {name: c.unit_laws(of.model.device()) for name, c in of.candidates.items()}
+        self._covered_laws = {name: laws for name, laws in candidate_laws.items() if covers(laws)}
         # of wide priors alone: a direction that no data see must not be fixed by the errors of steps
         self._wide, self._weak = bool(of.starts), None
         self._tied = active_symmetries(self.nuisances) if self._wide else {}
@@ -49,8 +49,8 @@ class Tangents:
         """{condition: column} of the conditions with a role; nan where the plant fails."""
         if not self._conditions(role):
             return {}
-        if name in self._port_laws:
-            return self._response_column(name, role)
+        if name in self._covered_laws:
+            return self._column_from_responses(name, role)
         if name in self._tied:
             columns = {key: self.column(key, role) for key in self._tied[name].partners}
             values = dict(zip(self.nuisances, self.of.first))
@@ -58,13 +58,13 @@ class Tangents:
                 c.id: self._tied[name].column(values, {key: v[c.id] for key, v in columns.items()})
                 for c in self._conditions(role)
             }
-        return self.direct_column(name, role)
+        return self.column_from_runs(name, role)
 
-    def direct_column(self, name, role="fit"):
+    def column_from_runs(self, name, role="fit"):
         """`column` by runs with this nuisance or law alone."""
         if self._key(role, name) not in self.kept:
             if name not in self.steps:
-                self.make(self._companions(name))
+                self.make(self._batch_names(name))
             self.make(self.nuisances if name in self.nuisances else [name], role)
         return self.kept[self._key(role, name)]
 
@@ -72,7 +72,7 @@ class Tangents:
         """What a column depends on: of a law that asks for the time from power-on, on those of the record too."""
         if name not in self.of.timed:
             return self._where, role, name
-        after = [self.of.restore_settle_s(c, {name: 1.0}).settle_s for c in self._conditions(role)]
+        after = [self.of.use_record_settle(c, {name: 1.0}).settle_s for c in self._conditions(role)]
         return self._where, role, name, *after
 
     def matrix(self, role):
@@ -85,40 +85,40 @@ class Tangents:
         if not self._wide:
             return out
         if self._weak is None:
-            self._weak = weak(self.of.stack_fit_rows(out if role == "fit" else self.matrix("fit")) * sd)
+            self._weak = weak(self.of.whiten_fit_rows(out if role == "fit" else self.matrix("fit")) * sd)
         directions, changes = [], []
         base = self._predict_points([(self.of.first, {})], chosen)[0]
         points = [(self.of.first + side * step * d * sd, {}) for d, step in self._weak for side in (1, -1)]
-        step_changes = self._changes(points, base)
-        for (d, step), up, down in zip(self._weak, step_changes[::2], step_changes[1::2]):
+        weak_step_changes = self._changes(points, base)
+        for (d, step), up, down in zip(self._weak, weak_step_changes[::2], weak_step_changes[1::2]):
             if up is not None and down is not None:
                 directions.append(d)
                 changes.append({g: (up[g] - down[g]) / (2 * step) for g in up})
         return {g: correct_columns(v * sd, directions, [m[g] for m in changes]) / sd for g, v in out.items()}
 
-    def _response_column(self, name, role):
+    def _column_from_responses(self, name, role):
         """Column of a law by the responses; zero where its largest step would hardly move the data."""
-        responses = self.of.kept.responses
-        if (self._where, role) not in responses:
-            responses[self._where, role] = Responses(self.of, role)
+        response_cache = self.of.kept.responses
+        if (self._where, role) not in response_cache:
+            response_cache[self._where, role] = Responses(self.of, role)
         key = *self._key(role, name), "responses"
         if key not in self.kept:
             later = {
-                c.id: self.of.restore_settle_s(c, {name: 1.0}).settle_s - c.settle_s for c in self._conditions(role)
+                c.id: self.of.use_record_settle(c, {name: 1.0}).settle_s - c.settle_s for c in self._conditions(role)
             }
-            column = responses[self._where, role].column(self._port_laws[name], later)
-            is_visible = role != "fit" or self._change_sigmas(column) * self.largest(name) >= VISIBLE_SIGMAS
-            self.kept[key] = column if is_visible else {g: np.zeros_like(v) for g, v in column.items()}
+            law_column = response_cache[self._where, role].column(self._covered_laws[name], later)
+            is_visible = role != "fit" or self._change_sigmas(law_column) * self.largest(name) >= MIN_LAW_SIGMAS
+            self.kept[key] = law_column if is_visible else {g: np.zeros_like(v) for g, v in law_column.items()}
         return self.kept[key]
 
-    def _companions(self, name):
+    def _batch_names(self, name):
         """What is made with a law on the fitted conditions: laws of the library that the responses do not cover."""
-        uncovered = [one.name for one in self.of.library if one.name not in self._port_laws]
-        return uncovered if name in uncovered else [name]
+        uncovered_names = [one.name for one in self.of.library if one.name not in self._covered_laws]
+        return uncovered_names if name in uncovered_names else [name]
 
-    def select_direct(self, names):
+    def exclude_response_laws(self, names):
         """Those of some nuisances and laws that have tangents of their own."""
-        return [name for name in names if name not in self._port_laws]
+        return [name for name in names if name not in self._covered_laws]
 
     def _conditions(self, role):
         return [c for c in self.of.conditions.values() if c.role == role]
@@ -148,14 +148,14 @@ class Tangents:
                 size = self._change_sigmas(change)
                 if name in self.steps:
                     continue
-                if size < VISIBLE_SIGMAS and name in of.candidates:
+                if size < MIN_LAW_SIGMAS and name in of.candidates:
                     # what the largest step hardly moves is noise, and no law that these data see
                     columns[name] = zero
-                if not AIM / AIM_FACTOR <= size <= AIM * AIM_FACTOR and self._adjust_step(name, steps, size):
+                if not AIM / AIM_TOLERANCE <= size <= AIM * AIM_TOLERANCE and self._adjust_step(name, steps, size):
                     again.append(name)
             todo = again
         # to both sides where both are allowed: what is of second order in a law falls out
-        both = [n for n, v in columns.items() if v is not zero and self._is_two_sided(n)]
+        both = [n for n, v in columns.items() if v is not zero and self._allows_both_signs(n)]
         for name, change in zip(both, self._changes([self._step_point(n, -steps[n]) for n in both], base)):
             if change is not None:
                 columns[name] = {g: (v - change[g] / steps[name]) / 2 for g, v in columns[name].items()}
@@ -169,9 +169,9 @@ class Tangents:
         one = self.of.candidates[name].law
         return one.scale * (one.sign or 1)
 
-    def _change_sigmas(self, change):
+    def _change_sigmas(self, feature_changes):
         """Sigmas of a change of some conditions, if all others moved as they do."""
-        return self.of.size(change) * np.sqrt(len(self.of.conditions) / len(change))
+        return self.of.size(feature_changes) * np.sqrt(len(self.of.conditions) / len(feature_changes))
 
     def _guess(self, names, steps, base):
         """Steps that move all features by about AIM sigmas, from one condition alone. Mutates `steps`.
@@ -180,11 +180,11 @@ class Tangents:
         """
         one = max((self.of.conditions[g] for g in base), key=lambda c: (c.a_um, abs(c.rate_dps)))
         for _ in range(GUESSES):
-            results = self._predict_points([self._step_point(name, steps[name]) for name in names], (one,))
-            failed_names = [name for name, features in zip(names, results) if features is None]
-            for name, features in zip(names, results):
-                if features is not None:
-                    self._adjust_step(name, steps, self._change_sigmas({one.id: features[one.id] - base[one.id]}))
+            predictions = self._predict_points([self._step_point(name, steps[name]) for name in names], (one,))
+            failed_names = [name for name, prediction in zip(names, predictions) if prediction is None]
+            for name, prediction in zip(names, predictions):
+                if prediction is not None:
+                    self._adjust_step(name, steps, self._change_sigmas({one.id: prediction[one.id] - base[one.id]}))
             for name in failed_names:
                 steps[name] *= SHORTER
             if not failed_names:
@@ -199,7 +199,7 @@ class Tangents:
         steps[name] *= factor
         return True
 
-    def _is_two_sided(self, name):
+    def _allows_both_signs(self, name):
         """True if steps to both sides are allowed."""
         return name not in self.of.candidates or not self.of.candidates[name].law.sign
 
@@ -233,19 +233,19 @@ class Tangents:
         only = [self.of.conditions[g] for g in base]
         todo = range(len(points))
         for _ in range(3):
-            results = self._predict_points([points[i] for i in todo], only, [hertz[i] for i in todo])
-            remaining = []
-            for i, features in zip(todo, results):
-                if features is None:
+            predictions = self._predict_points([points[i] for i in todo], only, [hertz[i] for i in todo])
+            remaining_indices = []
+            for i, prediction in zip(todo, predictions):
+                if prediction is None:
                     changes[i] = None
                     continue
-                differences = {g: features[g] - base[g] for g in base}
-                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in differences.items()}
-                more = {g: self.of.hertz(v, g) for g, v in differences.items()}
+                feature_differences = {g: prediction[g] - base[g] for g in base}
+                changes[i] = {g: v + self.slope[g] * hertz[i][g] for g, v in feature_differences.items()}
+                more = {g: self.of.hertz(v, g) for g, v in feature_differences.items()}
                 if max(map(abs, more.values())) > FREQUENCY_TOLERANCE_HZ:
                     hertz[i] = {g: hertz[i][g] + v for g, v in more.items()}
-                    remaining.append(i)
-            todo = remaining
+                    remaining_indices.append(i)
+            todo = remaining_indices
         return changes
 
     def _predict_points(self, points, conditions, hertz=None):
@@ -254,18 +254,18 @@ class Tangents:
         hertz = hertz or [dict.fromkeys(of.conditions, 0.0)] * len(points)
         for theta, effects in points:
             try:
-                model = of.model_at(theta, effects)
-                models.append(model._replace(config=use_uniform_references(model.config)))
+                point_model = of.model_at(theta, effects)
+                models.append(point_model._replace(config=disable_retiming(point_model.config)))
             except PredictionFailed:
                 models.append(None)
-        requests = [
-            (m, of.restore_settle_s(c, effects), 0, h[c.id])
+        run_requests = [
+            (m, of.use_record_settle(c, effects), 0, h[c.id])
             for m, h, (_, effects) in zip(models, hertz, points)
             if m is not None
             for c in conditions
         ]
-        results, out = iter(of.smooth(requests)), []
+        run_features, out = iter(of.smooth(run_requests)), []
         for m in models:
-            values = None if m is None else {c.id: next(results) for c in conditions}
+            values = None if m is None else {c.id: next(run_features) for c in conditions}
             out.append(None if values is None or any(v is None for v in values.values()) else values)
         return out

@@ -14,7 +14,7 @@ LIMIT, ROUNDS = 0.5, 5  # sigmas
 MORE = 2  # times the draws, from the fourth anchor on
 
 
-def _move_anchor(problem, certificate, theta, effects):
+def _anchor_after_preview(problem, certificate, theta, effects):
     """Anchor for good, where a first look has arrived: where the engine fails there, or it is near, where it was."""
     problem.draws = DRAWS
     if certificate["sigma"] >= LIMIT:
@@ -25,9 +25,9 @@ def _move_anchor(problem, certificate, theta, effects):
     return problem.anchor(*problem.at)
 
 
-def _certificate(problem, theta, effects):
+def _point_certificate(problem, theta, effects):
     """Certificate of a point: its way from the anchor, or the exact engine there."""
-    certificate = problem.anchor_certificate(theta, effects)
+    certificate = problem.linear_change_certificate(theta, effects)
     return certificate if certificate["sigma"] < LIMIT else problem.check(theta, effects)
 
 
@@ -44,16 +44,16 @@ def run(problem, options=None, progress=None, checkpoint=None):
             return tracer, blocked or tracer.conclude()
         theta, effects = tracer.final_estimate()
         if not round_:
-            _move_anchor(problem, problem.anchor_certificate(theta, effects), theta, effects)
+            _anchor_after_preview(problem, problem.linear_change_certificate(theta, effects), theta, effects)
             continue
         try:
-            certificate = _certificate(problem, theta, effects)
-            is_close = certificate["sigma"] < LIMIT
-            if is_close and problem.prior_overrun(theta):
+            certificate = _point_certificate(problem, theta, effects)
+            meets_limit = certificate["sigma"] < LIMIT
+            if meets_limit and problem.describe_prior_overrun(theta):
                 # effects agree there, but the nuisances are those of no board
-                certificate["failed"] = problem.prior_overrun(theta)
-            certificate["holds"] = is_close and "failed" not in certificate
-            if is_close or round_ == ROUNDS - 1:
+                certificate["failed"] = problem.describe_prior_overrun(theta)
+            certificate["holds"] = meets_limit and "failed" not in certificate
+            if meets_limit or round_ == ROUNDS - 1:
                 break
             if round_ > 1:
                 # near the point already: what is left is mostly the noise of the draws

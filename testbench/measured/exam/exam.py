@@ -38,7 +38,7 @@ LABELS = ("before", "after_one_law", "after")
 REFITTED = 6  # laws per round, those with most evidence of the linear problem
 
 
-def _has_reached_floor(tracer, fit):
+def _heldout_reaches_floor(tracer, fit):
     """True if every held-out segment is at its floor already."""
     rows = heldout.evaluate_heldout(tracer.problem, tracer.held, tracer.predictor, {"now": fit}, "group").rows
     return bool(rows) and all(row["floor"] and row["now"] <= row["floor"] for row in rows.values())
@@ -87,7 +87,7 @@ def _round(tracer, refused):
     return out, values
 
 
-def run_stages(problem, most=None, say=None, settings=QUICK):
+def run_staged_search(problem, most=None, say=None, settings=QUICK):
     """`Staged` of a problem: law after law, each the best of those refitted, kept if held-out data support it."""
     most = problem.most_laws if most is None else most
     first = Tracer(problem, settings, None, None).run()
@@ -96,7 +96,7 @@ def run_stages(problem, most=None, say=None, settings=QUICK):
     while alarmed and len(names) < most:
         tracer = Tracer(settle(problem, names, values), settings, None, None)
         tracer.dropped = {}
-        if not tracer.calibrate() or _has_reached_floor(tracer, tracer.base.fit):
+        if not tracer.calibrate() or _heldout_reaches_floor(tracer, tracer.base.fit):
             break
         tried, values = _round(tracer, refused)
         rounds += tried
@@ -105,10 +105,10 @@ def run_stages(problem, most=None, say=None, settings=QUICK):
         if not tried or not tried[-1].kept:
             break
         names.append(tried[-1].law)
-    return _staged_result(problem, first, rounds, names, values, settings)
+    return _finish_search(problem, first, rounds, names, values, settings)
 
 
-def _staged_result(problem, first, rounds, names, values, settings):
+def _finish_search(problem, first, rounds, names, values, settings):
     """`StagedResult` of laws that are kept, from where the last round has settled."""
     last, fit = first, None
     if names:
@@ -132,7 +132,7 @@ def _fitted_values(fit):
     return dict(zip(names, (*map(float, fit.point.theta), *map(float, fit.point.c))))
 
 
-def fit_stages(problem, names):
+def fit_nested_laws(problem, names):
     """Fits with none, one, two .. of the laws, each from where the one before has settled."""
     values, out = {}, []
     for count in range(len(names) + 1):
@@ -143,7 +143,7 @@ def fit_stages(problem, names):
     return out
 
 
-def judge_segments(problem, names, stage_fits):
+def compute_segment_errors(problem, names, stage_fits):
     """{segment: {unit, floor, before, after_one_law, after, *_ci}} of all validating and examining segments."""
     out = {}
     for label, count in zip(LABELS, (0, min(1, len(names)), len(names))):
@@ -166,7 +166,7 @@ def residuals(problem, names, stage_fits):
         both = (part, stage_fits[0]), (absorb(part, list(names)), stage_fits[-1])
         for k, segment in enumerate(part.segments):
             before, after = (
-                part.segment_features(k) - now.predict([(f.point.theta, {})], [k])[0][0] for now, f in both
+                part.observed_features(k) - now.predict([(f.point.theta, {})], [k])[0][0] for now, f in both
             )
             (o,) = segment.observables
             rms = part.repeatability_rms(k)[o.name]
@@ -181,20 +181,20 @@ def report(problem, settings=None, progress=None):
         chosen = replace(QUICK, alpha=settings.alpha, looks=settings.looks, seed=settings.seed)
     most = problem.most_laws if settings is None else min(problem.most_laws, settings.max_laws)
     say = progress and (lambda text: progress(text, 0, 1))
-    staged = run_stages(problem, most, say, chosen)
-    names = [r.law for r in staged.rounds if r.kept]
-    stage_fits = fit_stages(problem, names)
-    heldout_errors = judge_segments(problem, names, stage_fits)
+    search = run_staged_search(problem, most, say, chosen)
+    names = [r.law for r in search.rounds if r.kept]
+    stage_fits = fit_nested_laws(problem, names)
+    heldout_errors = compute_segment_errors(problem, names, stage_fits)
     while names and any(
         h["after"] > UNCHANGED_FACTOR * h["before"] for h in heldout_errors.values()
     ):  # the last law goes: never worse than none
         names, stage_fits = names[:-1], stage_fits[:-1]
-        staged = _staged_result(problem, staged.first, staged.rounds, names, _fitted_values(stage_fits[-1]), chosen)
-        heldout_errors = judge_segments(problem, names, stage_fits)
+        search = _finish_search(problem, search.first, search.rounds, names, _fitted_values(stage_fits[-1]), chosen)
+        heldout_errors = compute_segment_errors(problem, names, stage_fits)
     values = problem.nuisance_values(stage_fits[-1].point.theta[: len(problem.nuisances)])
     coefficients = dict(zip(names, stage_fits[-1].point.theta[len(problem.nuisances) :]))
     rows = residuals(problem, names, stage_fits)
-    data = dict(staged.json)
+    data = dict(search.json)
     data["heldout"] = plain_value(heldout_errors)
     for name, floor in problem.repeatability(values, coefficients).items():
         mine = data["heldout"][name]
@@ -213,12 +213,12 @@ def report(problem, settings=None, progress=None):
 
 def nulls(problem, count, seed=0, say=None):
     """Names of the effects found in each of `count` simulated recordings without any."""
-    theta = fit_stages(problem, ())[0].point.theta
+    theta = fit_nested_laws(problem, ())[0].point.theta
     out = []
     for k in range(count):
         one = problem.simulate_data(theta, {}, np.random.default_rng([seed, k]))
-        staged = run_stages(one, 1)
-        out.append([e["law"] for e in staged.json["effects"]])
+        law_search = run_staged_search(one, 1)
+        out.append([e["law"] for e in law_search.json["effects"]])
         if say:
-            say(f"{k + 1}: {out[-1]}, {staged.json['verdict']}")
+            say(f"{k + 1}: {out[-1]}, {law_search.json['verdict']}")
     return out

@@ -38,10 +38,10 @@ class Residual(NamedTuple):
 def run(problem, options=None, progress=None):
     """(JSON, {observable: (measured, before, after) of held-out rows}, caption data) of a part's problem."""
     options = options or Options(ALPHA)
-    staged = add_in_stages(problem, options, problem.most_laws, progress)
-    rows = residuals(problem, staged)
+    law_search = add_in_stages(problem, options, problem.most_laws, progress)
+    rows = residuals(problem, law_search)
     judging = {key: row for key, row in rows.items() if row.role == "validate"}
-    return in_part(staged.json | {"left": [describe_residual(problem, key, rows) for key in judging]}), judging
+    return in_part(law_search.json | {"left": [describe_residual(problem, key, rows) for key in judging]}), judging
 
 
 def is_unexplained(row):
@@ -59,9 +59,9 @@ def in_part(data):
     return data | {"verdict": verdict, "sentence": words}
 
 
-def residuals(problem, staged):
+def residuals(problem, law_search):
     """{(segment, observable): `Residual`} of all groups, at the fits without and with the laws."""
-    names = [r.law for r in staged.rounds if r.kept]
+    names = [r.law for r in law_search.rounds if r.kept]
     quick = Options(n_null=199, max_laws=1, power=False, experiments=False)
     fits = []
     for now in (problem, absorb(problem, names)):
@@ -71,7 +71,7 @@ def residuals(problem, staged):
     for k, segment in enumerate(problem.segments):
         if any(fit is None for _, fit in fits):
             continue
-        y, floor = problem.segment_features(k), problem.repeatability_rms(k)
+        y, floor = problem.observed_features(k), problem.repeatability_rms(k)
         misfits = []
         for now, fit in fits:
             misfits.append(y - now.predict([(fit.point.theta, dict(zip(fit.model.names, fit.point.c)))], [k])[0][0])
@@ -110,7 +110,7 @@ def describe_residual(problem, key, rows):
         for (_, name), other in rows.items()
         if other.role == "fit" and name == key[1] and len(other.after) == len(row.after)
     ]
-    is_comparable = problem.same_rows and twins
+    has_matching_rows = problem.same_rows and twins
     return {
         "segment": key[0],
         "observable": key[1],
@@ -122,7 +122,7 @@ def describe_residual(problem, key, rows):
         "tenth_from": float(x[order][at]),
         "tenth_to": float(x[order][at + width - 1]),
         "axis": label,
-        "shared": float(np.mean(twins)) if is_comparable else None,
+        "shared": float(np.mean(twins)) if has_matching_rows else None,
     }
 
 
@@ -143,10 +143,10 @@ def picture(problem, rows, most=9):
     import matplotlib.pyplot as plt
 
     rows = {key: row for key, row in rows.items() if row.role == "validate"}
-    panel_keys, observables = [], set()
+    panel_keys, observable_names = [], set()
     for key in rows:  # the last segment of each observable, if all are too many
-        observables.add(key[1])
-    for name in sorted(observables):
+        observable_names.add(key[1])
+    for name in sorted(observable_names):
         panel_keys.append([key for key in rows if key[1] == name][-1])
     panel_keys = list(rows) if len(rows) <= most else panel_keys[:most]
     columns = 1 if len(panel_keys) <= 2 else 3

@@ -65,7 +65,7 @@ class StagedResult(NamedTuple):
     json: dict
 
 
-def laws_as_nuisances(problem, names):
+def convert_laws_to_nuisances(problem, names):
     """A copy of a problem in which some laws are nuisances: already part of the model."""
     laws, extended = problem.laws_by_name(), copy.copy(problem)
     added = [
@@ -81,12 +81,12 @@ def laws_as_nuisances(problem, names):
     extended.families = {} if set(names) & set(problem.families) else problem.families
 
     def predict(points, which):
-        full_points, added_names = [], [n.name for n in added]
+        base_points, added_names = [], [n.name for n in added]
         for theta, c in points:
-            full_theta = np.zeros(len(problem.nuisances))
-            full_theta[indices] = theta[: len(indices)]
-            full_points.append((full_theta, dict(zip(added_names, map(float, theta[len(indices) :]))) | dict(c)))
-        return problem.predict(full_points, which)
+            base_theta = np.zeros(len(problem.nuisances))
+            base_theta[indices] = theta[: len(indices)]
+            base_points.append((base_theta, dict(zip(added_names, map(float, theta[len(indices) :]))) | dict(c)))
+        return problem.predict(base_points, which)
 
     extended.predict = predict
     return extended
@@ -94,7 +94,7 @@ def laws_as_nuisances(problem, names):
 
 def _decisive(tracer, refused):
     """[(gain, name, d, ranking)] of the laws whose evidence is decisive, the clearest first."""
-    rows = []
+    decisive_laws = []
     for ranking in tracer.rankings(tracer.base.fit).values():
         pool = [n for n in ranking.names if n not in ranking.hidden]
         scores = one_sided(ranking, tracer.laws)
@@ -103,22 +103,22 @@ def _decisive(tracer, refused):
             gain = evidence.linear_gain(ranking, [name], tracer.laws)
             if gain is None or name in refused or gain - np.log(len(tracer.laws)) < DECISIVE or scores[k] <= 0:
                 continue
-            rows.append((gain, name, float(scores[k]), ranking))
-    rows += [row for row in structure.gains(tracer) if row[1] not in refused and row[0] > DECISIVE]
-    return sorted(rows, key=lambda row: (-row[0], row[1]))
+            decisive_laws.append((gain, name, float(scores[k]), ranking))
+    decisive_laws += [row for row in structure.gains(tracer) if row[1] not in refused and row[0] > DECISIVE]
+    return sorted(decisive_laws, key=lambda row: (-row[0], row[1]))
 
 
-def _similar_rivals(row, rows):
+def _rival_names(row, decisive_laws):
     gain, name, _, ranking = row
     out = []
-    for its, other, _, r in rows if ranking else ():
+    for its, other, _, r in decisive_laws if ranking else ():
         if other != name and r is ranking and abs(its - gain) < DECISIVE:
             if abs(ranking.cosines[ranking.index(name), ranking.index(other)]) > ALIKE:
                 out.append(other)
     return tuple(out)
 
 
-def _try(tracer, row, rows):
+def _try(tracer, row, decisive_laws):
     """`Round` of one law: refitted, judged on the held-out groups."""
     _, name, d, ranking = row
     base, law = tracer.base.fit, tracer.problem.laws_by_name()[name]
@@ -137,10 +137,10 @@ def _try(tracer, row, rows):
     if law.kind != "plant":
         result = tracer.heldout_result({"before": base, "after": fit})
         worse = [key for key, r in result.rows.items() if r["gain_ci"][1] < 0 and r["after"] > HARMLESS * r["before"]]
-    return Round(name, gain >= SUPPORTED and not worse, d, value, float(gain), _similar_rivals(row, rows), errors)
+    return Round(name, gain >= SUPPORTED and not worse, d, value, float(gain), _rival_names(row, decisive_laws), errors)
 
 
-def _drop_worsening(problem, names, rounds, options):
+def _drop_harmful_laws(problem, names, rounds, options):
     """Laws of which none makes the held-out error of an observable larger than without any law."""
     names, tracer = list(names), Tracer(problem, options, None, None)
     if not names or not tracer.calibrate():
@@ -155,13 +155,13 @@ def _drop_worsening(problem, names, rounds, options):
         if not worse:
             break
         share = {r.law: {key: r.heldout[key][1] / r.heldout[key][0] for key in worse} for r in rounds if r.kept}
-        active_names = [name for name in names if any(abs(x - 1) > UNCHANGED_FACTOR - 1 for x in share[name].values())]
-        worst_name = max(reversed(active_names or names), key=lambda name: max(share[name].values()))
-        names = [name for name in names if name != worst_name and name not in problem.dependent_nuisances(worst_name)]
+        active_laws = [name for name in names if any(abs(x - 1) > UNCHANGED_FACTOR - 1 for x in share[name].values())]
+        worst_law = max(reversed(active_laws or names), key=lambda name: max(share[name].values()))
+        names = [name for name in names if name != worst_law and name not in problem.dependent_nuisances(worst_law)]
     return names
 
 
-def _drop_weak(problem, names, options):
+def _drop_weak_laws(problem, names, options):
     """Laws that are still clear, and what they were, beside all the others; the least certain goes first."""
     names, least = list(names), norm.isf(CHANCE / 2 / max(len(problem.laws_by_name()), 1))
     while names:
@@ -169,13 +169,13 @@ def _drop_weak(problem, names, options):
         tracer = Tracer(now, options, None, None)
         if not tracer.calibrate():
             break
-        fit, dependents = tracer.base.fit, {name: now.dependent_nuisances(name) for name in names}
+        fit, dependents_by_law = tracer.base.fit, {name: now.dependent_nuisances(name) for name in names}
         d = np.array([structure.strength(fit, _coefficients(problem, name)) for name in names])
-        d[[_has_strayed(dependents[name], now.nuisances, fit.point.theta) for name in names]] = 0.0
+        d[[_is_outside_prior(dependents_by_law[name], now.nuisances, fit.point.theta) for name in names]] = 0.0
         if d.min() >= least:
             break
-        weakest_name = names[int(np.argmin(d))]
-        names = [name for name in names if name != weakest_name and name not in dependents[weakest_name]]
+        weakest_law = names[int(np.argmin(d))]
+        names = [name for name in names if name != weakest_law and name not in dependents_by_law[weakest_law]]
     return names
 
 
@@ -184,14 +184,14 @@ def _coefficients(problem, name):
     return problem.families[name].members if name in problem.families else (name,)
 
 
-def _has_strayed(dependents, nuisances, theta):
+def _is_outside_prior(dependent_names, nuisances, theta):
     """True if a nuisance that a law brought along has left its prior."""
-    return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in zip(nuisances, theta) if n.name in dependents)
+    return any(abs(t - n.value) > STRAYED * n.prior_sd for n, t in zip(nuisances, theta) if n.name in dependent_names)
 
 
 def absorb(problem, names):
     """The problem with some laws as part of the model: its own way (it may bring more nuisances), or as nuisances."""
-    return (problem.absorb_laws(names) or laws_as_nuisances(problem, tuple(names))) if names else problem
+    return (problem.include_laws(names) or convert_laws_to_nuisances(problem, tuple(names))) if names else problem
 
 
 def _is_ambiguous_misfit(first, options):
@@ -207,9 +207,9 @@ def _forward(problem, names, refused, most, options, progress):
         tracer.dropped = {}
         if progress:
             progress(f"laws so far: {len(names)}", len(names), most)
-        rows = _decisive(tracer, refused) if tracer.calibrate() else []
-        for row in rows[:MOST_TRIES]:
-            rounds.append(_try(tracer, row, rows))
+        decisive_laws = _decisive(tracer, refused) if tracer.calibrate() else []
+        for row in decisive_laws[:MOST_TRIES]:
+            rounds.append(_try(tracer, row, decisive_laws))
             if rounds[-1].kept:
                 names.append(row[1])
                 break
@@ -227,8 +227,8 @@ def add_in_stages(problem, options=None, most=12, progress=None):
     rounds, names, refused, last = [], [], set(), first
     if first.verdict not in NOTHING or _is_ambiguous_misfit(first, options):
         rounds = _forward(problem, names, refused, most, quick, progress)
-    added, names = names, _drop_weak(problem, names, quick)
-    fine = _drop_worsening(problem, names, rounds, quick)
+    added, names = names, _drop_weak_laws(problem, names, quick)
+    fine = _drop_harmful_laws(problem, names, rounds, quick)
     added, names = [name for name in added if name in fine or name not in names], fine
     superseded = [name for name in added if name not in names]
     rounds = [r._replace(kept=r.law in names) for r in rounds]
@@ -271,9 +271,9 @@ def _affected_observables(problem, accepted, fit):
     coefficient_names = [m for r in accepted for m in _coefficients(problem, r.law)]
     half = np.where([n.name in coefficient_names for n in now.nuisances], 0.5, 1.0)
     which = list(range(len(now.segments)))
-    full, other = now.predict([(theta, {}), (theta * half, {})], which)
-    pairs = [(o, full[k], other[k]) for k in which for o in now.segments[k].observables]
-    return {o.name for o, a, b in pairs if np.any(a[o.rows] != b[o.rows])}
+    full_features, halved_features = now.predict([(theta, {}), (theta * half, {})], which)
+    feature_pairs = [(o, full_features[k], halved_features[k]) for k in which for o in now.segments[k].observables]
+    return {o.name for o, a, b in feature_pairs if np.any(a[o.rows] != b[o.rows])}
 
 
 def summary(problem, first, rounds, last, fit, superseded=()):
@@ -282,19 +282,19 @@ def summary(problem, first, rounds, last, fit, superseded=()):
     laws = {name: law for r in rounds for name, law in absorb(problem, _before(rounds, r)).laws_by_name().items()}
     sd = exam_intervals.stated_sd(fit) if accepted else None
     by_group = problem.heldout_by != "observable"
-    affected = set(first.heldout) if by_group or not accepted else _affected_observables(problem, accepted, fit)
+    affected_names = set(first.heldout) if by_group or not accepted else _affected_observables(problem, accepted, fit)
     effects = [_effect(problem, laws[r.law], r, fit, sd) for r in accepted]
     for key, row in first.heldout.items():
         end = last.heldout.get(key, row) if accepted else row
         one = accepted[0].heldout.get(key, (row["before"],) * 2)[1] if accepted else row["before"]
-        end, one = (end, one) if key in affected or not accepted else (row, row["before"])
+        end, one = (end, one) if key in affected_names or not accepted else (row, row["before"])
         data[key] = {k: row[k] for k in ("unit", "floor", "before", "before_ci")}
         data[key] |= {"after_one_law": one, "after": end["before"], "after_ci": end["before_ci"]}
-    has_residual = last.verdict not in NOTHING
+    has_residual_misfit = last.verdict not in NOTHING
     if not accepted:
         # without repeats a misfit that no law explains on held-out data is not told from noise
-        is_decided = first.verdict in (*NOTHING, "firmware") or not first.certificates["repeats"]["R14"]
-        verdict = first.verdict if is_decided else "noise-model"
+        is_conclusive = first.verdict in (*NOTHING, "firmware") or not first.certificates["repeats"]["R14"]
+        verdict = first.verdict if is_conclusive else "noise-model"
         # a first trace may name what held-out data do not bear out
         verdict = "unexplained" if verdict in ("named", "confounded", "candidate") else verdict
     else:
@@ -310,7 +310,7 @@ def summary(problem, first, rounds, last, fit, superseded=()):
             "heldout": data,
             "p_global": first.p_global,
             "p_left": last.p_global if accepted else first.p_global,
-            "something_left": bool(accepted and (has_residual or (last.p_global or 1.0) < 0.01)),
+            "something_left": bool(accepted and (has_residual_misfit or (last.p_global or 1.0) < 0.01)),
             "heldout_chi2": {"before": first.heldout_chi2.get("before"), "after": last.heldout_chi2.get("before")},
             "not_carried_over": [r.law for r in rounds if not r.kept and r.law not in superseded],
             "superseded": list(superseded),

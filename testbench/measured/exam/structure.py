@@ -18,13 +18,15 @@ def gains(tracer):
     projection = Projection(fit.jacobian, fit.model.prior_columns()) if problem.families else None
     for name, family in problem.families.items():
         points = [(fit.point.theta, {})] + [(fit.point.theta, {member: 1.0}) for member in family.members]
-        none, *shifted = problem.predict(points, list(tracer.space.which))
-        b = projection.project_all(np.stack([tracer.space.whitened_change(m, none) for m in shifted], axis=1))
-        z = projection.project_all(fit.z[:, None], fit.model.prior_rows(fit.point)[:, None])[:, 0]
+        none, *member_features = problem.predict(points, list(tracer.space.which))
+        b = projection.project_with_priors(
+            np.stack([tracer.space.whitened_change(m, none) for m in member_features], axis=1)
+        )
+        z = projection.project_with_priors(fit.z[:, None], fit.model.prior_rows(fit.point)[:, None])[:, 0]
         gram, score, prior = b.T @ b, b.T @ z, np.eye(len(family.members)) / family.law.scale**2
-        coefficients = np.linalg.solve(gram + prior, score)
-        gain = (score @ coefficients - np.linalg.slogdet(np.eye(len(prior)) + gram * family.law.scale**2)[1]) / 2
-        fall = 2 * score @ coefficients - coefficients @ gram @ coefficients
+        fitted_coefficients = np.linalg.solve(gram + prior, score)
+        gain = (score @ fitted_coefficients - np.linalg.slogdet(np.eye(len(prior)) + gram * family.law.scale**2)[1]) / 2
+        fall = 2 * score @ fitted_coefficients - fitted_coefficients @ gram @ fitted_coefficients
         out.append((float(gain - total), name, float(np.sqrt(max(fall - len(prior), 0.0))), None))
     return out
 

@@ -8,12 +8,12 @@ from testbench.storage import inputs
 HEAD_BYTES = 4096
 
 
-def load_recognised(paths, form):
+def load_matching_files(paths, form):
     """[(path, content)] of the files whose first bytes a module of this folder knows, and whose content it has."""
     out = []
     for path in paths:
-        is_recognised = form.is_one(inputs.head(path, HEAD_BYTES))
-        content = form.load(path) if is_recognised else None
+        has_matching_head = form.is_one(inputs.head(path, HEAD_BYTES))
+        content = form.load(path) if has_matching_head else None
         if content is not None:
             out.append((path, content))
     return out

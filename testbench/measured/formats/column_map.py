@@ -90,8 +90,8 @@ class Map(BaseModel):
 
 def is_map(head, *kinds):
     """True if the first bytes are those of a column map of one of the kinds; none named: of any."""
-    match = KIND.search(head)
-    return match is not None and match[1].decode() in (kinds or ROLE_UNITS)
+    kind_match = KIND.search(head)
+    return kind_match is not None and kind_match[1].decode() in (kinds or ROLE_UNITS)
 
 
 def is_map_file(path, *kinds):
@@ -119,18 +119,18 @@ class _MappedTable:
         for name in self.head:
             if name not in HEADS:
                 raise FileError(f"{path}: head.{name}: none of {', '.join(sorted(HEADS))}")
-        allowed_roles, several = ROLE_UNITS[stated.kind], SEVERAL.get(stated.kind, {})
+        unit_by_role, several = ROLE_UNITS[stated.kind], SEVERAL.get(stated.kind, {})
         for role in stated.columns:
-            if role not in allowed_roles:
-                raise FileError(f"{path}: columns.{role}: none of {', '.join(allowed_roles)} of kind {stated.kind}")
+            if role not in unit_by_role:
+                raise FileError(f"{path}: columns.{role}: none of {', '.join(unit_by_role)} of kind {stated.kind}")
         for role in ("readings", "spreads", "environment", "levels", "axes"):
             if getattr(stated, role) and role not in several:
                 raise FileError(f"{path}: {role}: kind {stated.kind} has none")
-        lacking = [r for r in allowed_roles if r not in stated.columns and r not in OPTIONAL.get(stated.kind, ())]
+        lacking = [r for r in unit_by_role if r not in stated.columns and r not in OPTIONAL.get(stated.kind, ())]
         lacking += [r for r in list(several)[:1] if not getattr(stated, r)]
         if lacking:
             raise FileError(f"{path}: kind {stated.kind} wants {', '.join(lacking)}, which the map lacks")
-        self.one = {role: self._values(role, r, allowed_roles[role]) for role, r in stated.columns.items()}
+        self.one = {role: self._values(role, r, unit_by_role[role]) for role, r in stated.columns.items()}
         self.many = {role: [self._values(role, r, u) for r in getattr(stated, role)] for role, u in several.items()}
         lengths = {len(v) for v in (*self.one.values(), *(v for many in self.many.values() for v in many))}
         if len(lengths) != 1 or min(lengths) < FEWEST[stated.kind]:
@@ -141,9 +141,9 @@ class _MappedTable:
         if r.range is not None:
             low, high = r.range
             sheet = Sheet(str(self.file), self.stated.kind, (Column(r.column, r.unit, v, limits=(low, high)),))
-            violations = list(units.limit_findings(sheet))
-            if violations:
-                raise QualityError(violations)
+            limit_violations = list(units.check_limits(sheet))
+            if limit_violations:
+                raise QualityError(limit_violations)
         if unit and r.unit not in UNITS[unit]:
             raise FileError(f"{self.path}: {role}: unit {r.unit[:20]!r} is none of {', '.join(UNITS[unit])}")
         v = self._dbm(role, r, v) if unit == "dBm" else v
@@ -168,14 +168,14 @@ class _MappedTable:
         """Of the map and the table together."""
         return hashlib.sha256(inputs.read_bytes(self.path) + inputs.read_bytes(self.file)).hexdigest()
 
-    def sort_rows(self, axis, strictly):
+    def sort_by_axis(self, axis, strictly):
         """(columns with a rising axis, findings)."""
         sheet = Sheet(str(self.file), self.stated.kind, _axis_first(self.one, axis))
-        order, findings = backwards.rising_order(sheet, strictly, self.stated.kind != "sweep")
+        order, order_findings = backwards.rising_order(sheet, strictly, self.stated.kind != "sweep")
         if order is not None:
             self.one = {role: v[order] for role, v in self.one.items()}
             self.many = {role: [v[order] for v in many] for role, many in self.many.items()}
-        return findings
+        return order_findings
 
     def rate_hz(self):
         """Sampling rate: of the head, or of regular instants."""
@@ -206,7 +206,7 @@ def _axis_first(one, axis):
 def _make_trace(mapped):
     axis = "time" if mapped.stated.kind == "ring-down" else "frequency"
     mapped.one = {axis: mapped.one[axis], "power": mapped.one["power"]}
-    findings = mapped.sort_rows(axis, axis == "time")
+    order_findings = mapped.sort_by_axis(axis, axis == "time")
     x = mapped.one[axis]
     if x[-1] == x[0]:
         raise FileError(f"{mapped.path}: {axis} stands still")
@@ -215,7 +215,7 @@ def _make_trace(mapped):
     header["quality factor"] = str(mapped.head.get("quality", "nan"))
     kind = "ringdown" if axis == "time" else "spectrum"
     grid = x if kind == "ringdown" else on_grid(x)
-    return Trace(str(mapped.file), header, kind, grid, mapped.one["power"], x, findings)
+    return Trace(str(mapped.file), header, kind, grid, mapped.one["power"], x, order_findings)
 
 
 def _make_sweep(mapped):
@@ -230,7 +230,7 @@ def _make_sweep(mapped):
     if "s21" not in s:
         raise FileError(f"{mapped.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
     mapped.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
-    mapped.sort_rows("frequency", True)
+    mapped.sort_by_axis("frequency", True)
     f, date = one["frequency"], str(mapped.head.get("date", ""))
     return Sweep(str(mapped.file), (date,), f, s, 50.0, False, grid_step(f), polar, bool(polar))
 
@@ -241,7 +241,7 @@ def _make_meters(mapped):
         raise FileError(
             f"{mapped.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
         )
-    findings = mapped.sort_rows("time", False)
+    order_findings = mapped.sort_by_axis("time", False)
     many = mapped.many
     return Meters(
         mapped.path,
@@ -252,7 +252,7 @@ def _make_meters(mapped):
         np.column_stack(many["readings"]),
         np.column_stack(many["spreads"]) if spreads else None,
         dict(zip(mapped.names("environment"), many["environment"])),
-        findings,
+        order_findings,
     )
 
 
@@ -283,8 +283,8 @@ def _make_zero_rate(mapped):
         lsb, counts = mapped.number("lsb_deg_per_s", 1e-12, 1e6), table
     else:
         # rates on no grid are put on one far finer than their noise
-        noise_lsb = min(grid_step(v) or 1e-3 * noise_sd(v) for v in table.T)
-        lsb = mapped.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in mapped.head else noise_lsb
+        estimated_lsb = min(grid_step(v) or 1e-3 * noise_sd(v) for v in table.T)
+        lsb = mapped.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in mapped.head else estimated_lsb
         if not lsb > 0:
             raise FileError(f"{mapped.path}: axes: an axis without noise")
         counts = table / lsb

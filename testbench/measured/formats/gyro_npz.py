@@ -27,14 +27,14 @@ def is_zero_rate_file(path):
     return head.startswith(MAGIC) or column_map.is_map(head, "rest")
 
 
-def _scalar(path, variables, ending, low, high):
-    numbers = [name for name, v in variables.items() if v.size == 1 and v.dtype.kind in "iuf"]
-    matches = [name for name in numbers if name.lower().endswith(ending)]
-    if len(matches) != 1:
-        raise FileError(f"{path}: expected one number named ...{ending}, found {len(matches)}")
-    value = float(variables[matches[0]].item())
+def _scalar(path, npz_arrays, ending, low, high):
+    numbers = [name for name, v in npz_arrays.items() if v.size == 1 and v.dtype.kind in "iuf"]
+    matching_names = [name for name in numbers if name.lower().endswith(ending)]
+    if len(matching_names) != 1:
+        raise FileError(f"{path}: expected one number named ...{ending}, found {len(matching_names)}")
+    value = float(npz_arrays[matching_names[0]].item())
     if not low <= value <= high:
-        raise FileError(f"{path}: {matches[0]} = {value:g} is outside {low:g} .. {high:g}")
+        raise FileError(f"{path}: {matching_names[0]} = {value:g} is outside {low:g} .. {high:g}")
     return value
 
 
@@ -44,8 +44,8 @@ def read(path):
     if column_map.is_map_file(path):
         return column_map.read(path)
     data = inputs.read_bytes(path)
-    variables = read_npz(data, path)
-    arrays = [v for v in variables.values() if v.ndim == 2 and v.dtype.kind in "iu" and 1 <= min(v.shape) <= MAX_AXES]
+    npz_arrays = read_npz(data, path)
+    arrays = [v for v in npz_arrays.values() if v.ndim == 2 and v.dtype.kind in "iu" and 1 <= min(v.shape) <= MAX_AXES]
     if len(arrays) != 1:
         raise FileError(f"{path}: expected one integer array (samples, axes), found {len(arrays)}")
     counts = arrays[0] if arrays[0].shape[1] <= MAX_AXES else arrays[0].T
@@ -54,5 +54,5 @@ def read(path):
     if np.any(np.ptp(counts, axis=0) == 0):
         raise FileError(f"{path}: axis {int(np.argmin(np.ptp(counts, axis=0)))} is the same in all samples")
     digest = hashlib.sha256(data).hexdigest()
-    lsb, rate = _scalar(path, variables, "_deg_s", *LSB_DEG_S), _scalar(path, variables, "_hz", *RATE_HZ)
+    lsb, rate = _scalar(path, npz_arrays, "_deg_s", *LSB_DEG_S), _scalar(path, npz_arrays, "_hz", *RATE_HZ)
     return ZeroRateRecord(path, digest, counts, lsb, rate)

@@ -23,10 +23,10 @@ def load(path, fs_hz=FS_HZ):
     """`InputOutput` of a file; None if it is a MATLAB file of something else; FileError if it is damaged."""
     if column_map.is_map_file(path):
         return column_map.read(path)
-    variables, _ = mat_file.read_mat(path, ("V1", "V2", "Ovld1", "Ovld2"))
-    if not {"V1", "V2"} <= set(variables):
+    mat_arrays, _ = mat_file.read_mat(path, ("V1", "V2", "Ovld1", "Ovld2"))
+    if not {"V1", "V2"} <= set(mat_arrays):
         return None
-    u, y = (np.asarray(variables[name]) for name in ("V1", "V2"))
+    u, y = (np.asarray(mat_arrays[name]) for name in ("V1", "V2"))
     for name, v in (("V1", u), ("V2", y)):
         if v.dtype.kind not in "fiu" or v.ndim > 2 or min(v.shape, default=1) != 1:
             raise FileError(f"{path} {name}: {v.dtype} {v.shape}, expected one row of numbers (V)")
@@ -37,5 +37,5 @@ def load(path, fs_hz=FS_HZ):
     u, y = u.ravel().astype(float), y.ravel().astype(float)
     if len(u) != len(y) or len(u) < SHORTEST:
         raise FileError(f"{path}: V1 has {len(u)} samples, V2 {len(y)}; the same number wanted, {SHORTEST} or more")
-    is_overloaded = any(np.any(variables.get(name, 0)) for name in ("Ovld1", "Ovld2"))
+    is_overloaded = any(np.any(mat_arrays.get(name, 0)) for name in ("Ovld1", "Ovld2"))
     return InputOutput(str(path), u, y, float(fs_hz), bool(is_overloaded))

@@ -16,7 +16,7 @@ from testbench.storage import inputs
 
 BITS = range(8, 19)
 MOST_V = 1e6
-MIN_MONOTONIC = 0.9  # of the steps in one direction, also where blocks of levels are in the wrong place
+MIN_MONOTONIC_SHARE = 0.9  # of the steps in one direction, also where blocks of levels are in the wrong place
 MIN_RISE = 0.95  # rank correlation of a level with its code would be 1; a signal in time is far from it
 
 
@@ -36,7 +36,7 @@ def _rises(v):
     """True for a table of levels: a line over the code explains nearly all of it, or nearly all steps go one way."""
     code = np.arange(len(v), dtype=float)
     monotonic_share = max(np.mean(np.diff(v) > 0), np.mean(np.diff(v) < 0))
-    return np.std(v) > 0 and (abs(np.corrcoef(code, v)[0, 1]) > MIN_RISE or monotonic_share > MIN_MONOTONIC)
+    return np.std(v) > 0 and (abs(np.corrcoef(code, v)[0, 1]) > MIN_RISE or monotonic_share > MIN_MONOTONIC_SHARE)
 
 
 def read(path):
@@ -44,9 +44,9 @@ def read(path):
     path = Path(path)
     if column_map.is_map_file(path):
         return column_map.read(path)
-    variables, digest = mat_file.read_mat(path)
+    mat_arrays, digest = mat_file.read_mat(path)
     channels = {}
-    for name, value in variables.items():
+    for name, value in mat_arrays.items():
         if value.dtype.kind not in "fiu":
             continue
         v = np.asarray(value, float).ravel()

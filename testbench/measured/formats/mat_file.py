@@ -27,22 +27,22 @@ def is_mat(head):
     return head.startswith(MAGIC)
 
 
-def _check_expansion(data, path):
+def _check_unpacked_size(data, source_name):
     """FileError if the compressed elements unpack to more than is allowed."""
     at, total = HEADER_BYTES, 0
     order = "little" if data[126:128] == b"IM" else "big"
     while at + 8 <= len(data):
         kind, size = (int.from_bytes(data[k : k + 4], order) for k in (at, at + 4))
         if kind == COMPRESSED:
-            unpacker, pending = zlib.decompressobj(), data[at + 8 : at + 8 + size]
-            while pending and not unpacker.eof:
-                total += len(unpacker.decompress(pending, PIECE))
-                pending = unpacker.unconsumed_tail
-                inputs.expansion(path, total, len(data))
+            unpacker, compressed_bytes = zlib.decompressobj(), data[at + 8 : at + 8 + size]
+            while compressed_bytes and not unpacker.eof:
+                total += len(unpacker.decompress(compressed_bytes, PIECE))
+                compressed_bytes = unpacker.unconsumed_tail
+                inputs.expansion(source_name, total, len(data))
         at += 8 + size
 
 
-def read_mat(path, selection=None):
+def read_mat(path, selected_names=None):
     """({name: array}, SHA-256 of the file); FileError with one line."""
     import scipy.io
 
@@ -51,9 +51,9 @@ def read_mat(path, selection=None):
         raise FileError(f"{path}: expected a MATLAB 5 file, found other first bytes")
     with inputs.explain_damage(path, "MATLAB 5 file"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of names that stand twice: the last one counts
-        _check_expansion(data, path)
-        variables = [(name, shape) for name, shape, kind in scipy.io.whosmat(io.BytesIO(data)) if kind in KINDS]
-        names = [name for name, _ in variables if selection is None or name in selection]
-        inputs.expansion(path, sum(8 * math.prod(shape) for name, shape in variables if name in names), len(data))
-        arrays = scipy.io.loadmat(io.BytesIO(data), variable_names=names) if names else {}
-    return {name: arrays[name] for name in names if name in arrays}, hashlib.sha256(data).hexdigest()
+        _check_unpacked_size(data, path)
+        variable_shapes = [(name, shape) for name, shape, kind in scipy.io.whosmat(io.BytesIO(data)) if kind in KINDS]
+        names = [name for name, _ in variable_shapes if selected_names is None or name in selected_names]
+        inputs.expansion(path, sum(8 * math.prod(shape) for name, shape in variable_shapes if name in names), len(data))
+        arrays_by_name = scipy.io.loadmat(io.BytesIO(data), variable_names=names) if names else {}
+    return {name: arrays_by_name[name] for name in names if name in arrays_by_name}, hashlib.sha256(data).hexdigest()

@@ -69,7 +69,7 @@ def read(path):
     seconds = np.array([(t - when[0]).total_seconds() for t in when])
     axis = Column("time", "s", seconds, AXIS)
     sheet = Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0])))
-    order, findings = backwards.rising_order(sheet, False, True)
+    order, order_findings = backwards.rising_order(sheet, False, True)
     if order is not None:
         seconds, table = (seconds - seconds[-1])[order], table[order]
     for name, fixed in (("time", seconds), ("source", table[:, 0]), *((columns[i], table[:, i]) for i in meters)):
@@ -84,5 +84,5 @@ def read(path):
         table[:, meters],
         table[:, spreads] if len(spreads) == len(meters) else None,
         {c: table[:, i] for i, c in enumerate(columns) if ENVIRONMENT.match(c)},
-        findings,
+        order_findings,
     )

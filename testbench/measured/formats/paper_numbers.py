@@ -29,14 +29,14 @@ class Numbers:
 
     def get(self, symbol, case, temperature=ROOM):
         """The only value of a symbol whose case begins so; FileError if there is none or more."""
-        matches = [
+        matching_rows = [
             r
             for r in self.rows
             if r["symbol"] == symbol and r["case"].startswith(case) and r["temperature_C"] in (temperature, "")
         ]
-        if len(matches) != 1:
-            raise FileError(f"{self.path}: {len(matches)} values of {symbol}, {case}, {temperature}; one wanted")
-        return self._parse_value(matches[0]["value"], symbol)
+        if len(matching_rows) != 1:
+            raise FileError(f"{self.path}: {len(matching_rows)} values of {symbol}, {case}, {temperature}; one wanted")
+        return self._parse_value(matching_rows[0]["value"], symbol)
 
     def _parse_value(self, text, symbol):
         try:

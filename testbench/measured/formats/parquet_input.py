@@ -28,24 +28,24 @@ def libraries():
     return pyarrow, parquet
 
 
-def read_parquet(data, path, selection=None):
+def read_parquet(data, source_name, selected_names=None):
     """{name: array} of a Parquet file's plain columns of numbers, read in pieces; nothing larger than is allowed."""
     _, parquet = libraries()
-    with inputs.explain_damage(path, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
+    with inputs.explain_damage(source_name, "Parquet file"), parquet.ParquetFile(io.BytesIO(data)) as file:
         rows, schema = file.metadata.num_rows, file.schema
         plain = {
             schema.column(k).path: WIDTHS[schema.column(k).physical_type]
             for k in range(len(schema))
             if schema.column(k).physical_type in WIDTHS and not schema.column(k).max_repetition_level
         }
-        names = [name for name in (plain if selection is None else selection) if name in plain]
-        inputs.expansion(path, rows * sum(plain[name] for name in names), len(data))
-        pieces = {name: [] for name in names}
+        names = [name for name in (plain if selected_names is None else selected_names) if name in plain]
+        inputs.expansion(source_name, rows * sum(plain[name] for name in names), len(data))
+        column_pieces = {name: [] for name in names}
         remaining_rows = rows
         for batch in file.iter_batches(BATCH_ROWS, columns=names) if names else ():
             remaining_rows -= len(batch)
             if remaining_rows < 0:
-                raise FileError(f"{path}: more rows than the {rows} that its head states")
+                raise FileError(f"{source_name}: more rows than the {rows} that its head states")
             for name in names:
-                pieces[name].append(batch.column(name).to_numpy(zero_copy_only=False))
-        return {name: np.concatenate(parts) for name, parts in pieces.items() if parts}
+                column_pieces[name].append(batch.column(name).to_numpy(zero_copy_only=False))
+        return {name: np.concatenate(parts) for name, parts in column_pieces.items() if parts}

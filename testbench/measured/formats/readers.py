@@ -1,7 +1,7 @@
 """All readers of recordings of parts: what a file is by its content, and what the nearest reader lacks in another.
 
 content(path)             what the first reader that knows the file gives; None: none does
-describe_mismatch(path)   one line: the nearest reader, what it wants and what it found
+describe_unreadable_file(path)   one line: the nearest reader, what it wants and what it found
 """
 
 from collections.abc import Callable
@@ -50,15 +50,15 @@ def content(path):
     return None
 
 
-def describe_mismatch(path):
+def describe_unreadable_file(path):
     """What the nearest reader lacks in a file that none reads."""
     head = inputs.head(path, HEAD_BYTES)
     text = head.decode("utf-8", "replace")
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     first = lines[0][:80] if lines else "nothing"
     if mat_file.is_mat(head):
-        arrays = mat_file.read_mat(path)[0]
-        sizes = ", ".join(f"{name} {v.shape}" for name, v in list(arrays.items())[:8]) or "no arrays of numbers"
+        mat_arrays = mat_file.read_mat(path)[0]
+        sizes = ", ".join(f"{name} {v.shape}" for name, v in list(mat_arrays.items())[:8]) or "no arrays of numbers"
         return f"MATLAB file with {sizes}; wanted V1 and V2 (V), or vectors of 2^8 .. 2^18 rising levels (V)"
     comment = next((line for line in lines if line.startswith("%")), None)
     if comment:

@@ -38,10 +38,10 @@ SETS = tuple(dict.fromkeys(f.set for f in FILES))
 
 def files(set_name):
     """The `File`s of a set; FileError names those there are."""
-    matches = tuple(f for f in FILES if f.set == set_name)
-    if not matches:
+    set_files = tuple(f for f in FILES if f.set == set_name)
+    if not set_files:
         raise FileError(f"data set {set_name!r}: none of {', '.join(SETS)}")
-    return matches
+    return set_files
 
 
 def paths(set_name):
@@ -51,34 +51,34 @@ def paths(set_name):
 
 def folders():
     """{set: [paths]} of all sets that can be had: those that are not published as they are need the folder."""
-    has_folder = bool(os.environ.get(FOLDER))
-    return {name: paths(name) for name in SETS if has_folder or all(f.url for f in files(name))}
+    has_data_folder = bool(os.environ.get(FOLDER))
+    return {name: paths(name) for name in SETS if has_data_folder or all(f.url for f in files(name))}
 
 
 def path(file):
     """Where the bytes of a `File` lie on this machine; FileError if they cannot be had or are others."""
     folder = os.environ.get(FOLDER)
     if folder:
-        location = Path(folder) / file.set / file.name
-        if not location.is_file():
-            raise FileError(f"{location}: is not there ({FOLDER}={folder})")
-        return _verify_file(location, file)
+        file_path = Path(folder) / file.set / file.name
+        if not file_path.is_file():
+            raise FileError(f"{file_path}: is not there ({FOLDER}={folder})")
+        return _verify_file(file_path, file)
     if not file.url:
         raise FileError(f"{file.set}/{file.name}: {file.note}; set {FOLDER} to a folder that holds it")
-    return _verify_file(_download(file), file)
+    return _verify_file(_download_file(file), file)
 
 
-def _verify_file(location, file):
-    size = location.stat().st_size
+def _verify_file(file_path, file):
+    size = file_path.stat().st_size
     if size != file.bytes:
-        raise FileError(f"{location}: {size} bytes, the published file has {file.bytes}")
-    digest = file_sha256(location)
-    if digest != file.sha256:
-        raise FileError(f"{location}: SHA-256 {digest}, the published file has {file.sha256}")
-    return location
+        raise FileError(f"{file_path}: {size} bytes, the published file has {file.bytes}")
+    local_sha256 = file_sha256(file_path)
+    if local_sha256 != file.sha256:
+        raise FileError(f"{file_path}: SHA-256 {local_sha256}, the published file has {file.sha256}")
+    return file_path
 
 
-def _download(file):
+def _download_file(file):
     import pooch
 
     cache = Path(os.environ.get(CACHE) or pooch.os_cache("ftr-gyro")) / file.set
@@ -86,10 +86,10 @@ def _download(file):
         if not file.member:
             return Path(pooch.retrieve(file.url, f"sha256:{file.sha256}", fname=file.name, path=cache))
         unpack = pooch.Unzip(members=[file.member], extract_dir="unpacked")
-        unpacked = pooch.retrieve(file.url, None, fname="archive.zip", path=cache, processor=unpack)
+        unpacked_paths = pooch.retrieve(file.url, None, fname="archive.zip", path=cache, processor=unpack)
     except (OSError, ValueError) as problem:  # requests' errors are OSErrors; a wrong hash is a ValueError
         raise FileError(f"{file.set}/{file.name}: cannot be had from {file.url}: {problem}") from None
-    for name in unpacked:
+    for name in unpacked_paths:
         if name.endswith(file.member):
             return Path(name)
     raise FileError(f"{file.set}/{file.name}: {file.url} holds no {file.member}")

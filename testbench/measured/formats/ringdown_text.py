@@ -58,13 +58,13 @@ def load(path):
     if len(rows) < SHORTEST:
         raise FileError(f"{path}: {len(rows)} rows, {SHORTEST} or more wanted")
     x, power = np.array(rows).T
-    order, findings = backwards.rising_order(_as_sheet(path, kind, x, power), kind == "ringdown", True)
+    order, order_findings = backwards.rising_order(_as_sheet(path, kind, x, power), kind == "ringdown", True)
     if order is not None:
         x, power = x[order], power[order]
     if x[-1] == x[0] or np.all(power == power[0]):
         raise FileError(f"{path}: a column is the same in every row")
     grid = x if kind == "ringdown" else contents.on_grid(x)
-    return Trace(str(path), header, kind, grid, power, x, findings)
+    return Trace(str(path), header, kind, grid, power, x, order_findings)
 
 
 def _as_sheet(path, kind, x, power):

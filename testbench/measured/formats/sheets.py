@@ -105,6 +105,6 @@ KINDS |= {InputOutput: _driven_sheet, ZeroRateRecord: _zero_rate_sheet}
 
 def examine(paths, channel=None):
     """Findings about recordings of one part; files that no reader knows have none."""
-    contents = [c for c in (readers.content(path) for path in paths) if c is not None]
-    mended = tuple(f for c in contents for f in getattr(c, "quality", ()))
-    return (*mended, *checks.examine([content_sheet(c, channel) for c in contents]))
+    file_contents = [c for c in (readers.content(path) for path in paths) if c is not None]
+    mended = tuple(f for c in file_contents for f in getattr(c, "quality", ()))
+    return (*mended, *checks.examine([content_sheet(c, channel) for c in file_contents]))

@@ -67,10 +67,10 @@ def numeric_columns(path, table, names):
     return out
 
 
-def _split(path, arrays):
+def _split(path, arrays_by_name):
     """Columns of arrays: vectors as they are, tables by their shorter side."""
     out = {}
-    for name, v in arrays.items():
+    for name, v in arrays_by_name.items():
         if v.dtype.kind not in "biufcU" or v.ndim > 2 or not v.size:
             continue
         if v.ndim < 2 or min(v.shape) == 1:
@@ -88,7 +88,7 @@ def _delimiter(line):
     return next((mark for mark in ";\t," if mark in line), None)
 
 
-def _split_line(line, mark):
+def _split_cells(line, mark):
     cells = line.split() if mark is None else next(csv.reader([line], delimiter=mark))
     cells = [cell.strip() for cell in cells]
     return cells[:-1] if mark is not None and cells and not cells[-1] else cells
@@ -110,13 +110,13 @@ def _csv(path):
             continue
         if names is None:
             mark = _delimiter(line)
-            cells = _split_line(line, mark)
+            cells = _split_cells(line, mark)
             numeric = all(_is_number(cell) for cell in cells)
             names = [str(k + 1) for k in range(len(cells))] if numeric else cells
             _check_column_names(path, number, names)
             if not numeric:
                 continue
-        cells = _split_line(line, mark)
+        cells = _split_cells(line, mark)
         cells += [""] * (len(names) - len(cells) if len(cells) == len(names) - 1 else 0)  # an empty last cell
         if len(cells) != len(names):
             raise FileError(f"{path}: line {number}: {len(cells)} cells, expected {len(names)}")

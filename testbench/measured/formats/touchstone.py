@@ -71,7 +71,7 @@ def load(path):
     if ports is None:
         raise FileError(f"{path}: {data.shape[1]} columns; 3 (one port) or 9 (two ports) wanted")
     frequency, rounding = data[:, 0] * unit, last * unit
-    frequency, regular = _restore_grid(path, frequency, rounding, data)
+    frequency, regular = _restore_frequency_grid(path, frequency, rounding, data)
     if kind == "db" and np.max(data[:, 1::2]) > MOST_DB:
         raise FileError(f"{path}: a parameter of {np.max(data[:, 1::2]):.3g} dB is above {MOST_DB:g} dB")
     s = {name: _pairs(kind, data[:, 1 + 2 * k], data[:, 2 + 2 * k]) for k, name in enumerate(ORDERS[ports])}
@@ -95,23 +95,23 @@ def _parse_frequency_row(path, number, fields):
 
 
 def _options(path, number, line):
-    match = re.fullmatch(r"\s*#\s*(\w+)\s+(\w)\s+(\w+)\s+R\s+(\S+)\s*", line, re.I)
-    unit, kind = (match[1].lower(), match[3].lower()) if match else ("", "")
-    if unit not in UNITS or match[2].lower() != "s" or kind not in ("db", "ma", "ri"):
+    option_match = re.fullmatch(r"\s*#\s*(\w+)\s+(\w)\s+(\w+)\s+R\s+(\S+)\s*", line, re.I)
+    unit, kind = (option_match[1].lower(), option_match[3].lower()) if option_match else ("", "")
+    if unit not in UNITS or option_match[2].lower() != "s" or kind not in ("db", "ma", "ri"):
         raise FileError(f"{path}: line {number}: {line.strip()!r}: expected '# Hz S dB R 50' or its kin")
     try:
-        ohm = float(match[4])
+        ohm = float(option_match[4])
     except ValueError:
         ohm = math.nan
     if not 0 < ohm < 1e6:
-        raise FileError(f"{path}: line {number}: reference {match[4]} ohm")
+        raise FileError(f"{path}: line {number}: reference {option_match[4]} ohm")
     return UNITS[unit], kind, ohm
 
 
-def _restore_grid(path, frequency, rounding, data):
+def _restore_frequency_grid(path, frequency, rounding, data):
     """(frequencies, True if they were put back on a regular grid); FileError where they are no sweep upwards."""
-    signals = [Column(f"column {k + 2}", "", v) for k, v in enumerate(data[:, 1:].T)]
-    sheet = Sheet(str(path), "sweep", (Column("frequency", "Hz", frequency, AXIS, resolution=rounding), *signals))
+    data_columns = [Column(f"column {k + 2}", "", v) for k, v in enumerate(data[:, 1:].T)]
+    sheet = Sheet(str(path), "sweep", (Column("frequency", "Hz", frequency, AXIS, resolution=rounding), *data_columns))
     backwards.rising_order(sheet, False, False)
     if frequency[-1] == frequency[0]:
         raise FileError(f"{path}: frequencies stand still; a sweep upwards wanted")

@@ -23,7 +23,7 @@ from testbench.run import design_check
 from testbench.storage import inputs
 from testbench.storage.record import Column, Record, TableColumn
 
-IMPORT_LINES = "import"  # attribute with what was found and assumed, a line each
+IMPORT_ATTRIBUTE = "import"  # attribute with what was found and assumed, a line each
 
 
 class Imported(NamedTuple):
@@ -34,10 +34,10 @@ class Imported(NamedTuple):
     lacking: str
 
 
-def model(mapping, map_path):
+def model(lab_map, map_path):
     """Configuration of the model that a map names."""
     try:
-        config = configuration.changed(configuration.Config(), mapping.settings())
+        config = configuration.changed(configuration.Config(), lab_map.settings())
         design_check.default_only(config, "a measurement record")
         return config
     except (ConfigError, ValueError) as problem:
@@ -46,31 +46,31 @@ def model(mapping, map_path):
 
 def import_files(paths, map_path):
     """`Imported` of files, each from one power-on, and their map."""
-    mapping = record_map.read(map_path)
-    if len(mapping.power_on) > len(paths):
-        raise ConfigError(f"{map_path}: {len(mapping.power_on)} [[power_on]] for {len(paths)} files")
-    config = model(mapping, map_path)
-    boards = [recorded_board.import_board(path, mapping, k, config) for k, path in enumerate(paths)]
+    lab_map = record_map.read(map_path)
+    if len(lab_map.power_on) > len(paths):
+        raise ConfigError(f"{map_path}: {len(lab_map.power_on)} [[power_on]] for {len(paths)} files")
+    config = model(lab_map, map_path)
+    boards = [recorded_board.import_board(path, lab_map, k, config) for k, path in enumerate(paths)]
     starts = np.cumsum([0] + [b.frames for b in boards]).tolist()
     record = Record(_streams(boards, timing.valid_clock(config)), {}, to_toml(config), "measured")
-    record.attrs = _head(mapping, paths)
-    record.tables = _record_tables(mapping, boards, starts)
+    record.attrs = _head(lab_map, paths)
+    record.tables = _record_tables(lab_map, boards, starts)
     lines = [f"{b.path}: {text}" for b in boards for text in b.words]
-    full_record, lacking = record, next((why for b in boards if (why := _unreplayable(b))), "")
+    completed_record, lacking = record, next((why for b in boards if (why := _unreplayable(b))), "")
     if not lacking:
         record.streams["adc_ok"] = _good(boards, record)
-        lines.append("assumed: every recorded conversion was good (adc_ok)" if "adc_ok" not in mapping.columns else "")
-        full_record, lacking = firmware_words.complete_record(record)
+        lines.append("assumed: every recorded conversion was good (adc_ok)" if "adc_ok" not in lab_map.columns else "")
+        completed_record, lacking = firmware_words.complete_record(record)
     if not lacking:
-        _first_words(boards, starts, full_record)
+        _first_words(boards, starts, completed_record)
     for b, start in zip(boards, starts):
-        lacking = _segments(mapping, b, start, full_record if not lacking else record, lacking, lines)
-    record = record if lacking else full_record
+        lacking = _segments(lab_map, b, start, completed_record if not lacking else record, lacking, lines)
+    record = record if lacking else completed_record
     record.tables["segments"] = _segment_table(boards, starts)
     record.attrs["roles_sha256"] = schema.roles_sha256(record.tables["segments"])
     lines += _outlook(record, lacking)
     lines = tuple(line for line in lines if line)
-    record.attrs[IMPORT_LINES] = json.dumps(lines)
+    record.attrs[IMPORT_ATTRIBUTE] = json.dumps(lines)
     return Imported(record, lines, lacking)
 
 
@@ -83,14 +83,14 @@ def _unreplayable(b):
     return f"{b.path}: rows are lost" if b.line.lost else ""
 
 
-def _head(mapping, paths):
-    head = {key: getattr(mapping, key) for key in record_map.HEAD}
+def _head(lab_map, paths):
+    head = {key: getattr(lab_map, key) for key in record_map.HEAD}
     sources = [[path.name, inputs.file_sha256(path)] for path in paths]
     return head | {
-        "regmap_sha256": mapping.regmap_sha256 or schema.regmap_sha256(),
+        "regmap_sha256": lab_map.regmap_sha256 or schema.regmap_sha256(),
         "roles_sha256": "",
-        "nuisances": ",".join(p.param for p in mapping.prior),
-        "plan": mapping.name,
+        "nuisances": ",".join(p.param for p in lab_map.prior),
+        "plan": lab_map.name,
         "sources": json.dumps(sources),
     }
 
@@ -112,8 +112,8 @@ def _good(boards, record):
     if "adc_ok" in record.streams:
         return record.streams["adc_ok"]
     data = np.concatenate([(np.arange(b.frames) > 0) for b in boards]).astype(np.int32)
-    template = record.streams["adc_xI"]
-    return Column(data, "1", *schema.PER_FRAME, template.edge0, schema.attributes("adc_ok", "assumed"))
+    channel_column = record.streams["adc_xI"]
+    return Column(data, "1", *schema.PER_FRAME, channel_column.edge0, schema.attributes("adc_ok", "assumed"))
 
 
 def _first_words(boards, starts, record):
@@ -125,10 +125,10 @@ def _first_words(boards, starts, record):
                 record.streams[name].data[start] = values[0]
 
 
-def _segments(mapping, b, start, record, lacking, lines):
+def _segments(lab_map, b, start, record, lacking, lines):
     """Fill the segments of a power-on; returns why words are missing, which may be that the board never locks."""
-    if mapping.segment:
-        b.parts = dwells.stated_parts(mapping.segment, b.line.begin, b.frames, b.path)
+    if lab_map.segment:
+        b.parts = dwells.stated_segments(lab_map.segment, b.line.begin, b.frames, b.path)
         return lacking
     locked = np.ones(b.frames, bool)
     if "state" in record.streams:
@@ -143,7 +143,7 @@ def _segments(mapping, b, start, record, lacking, lines):
         first = int(np.argmax(locked)) / dwells.FRAME_HZ
         lines.append(f"{b.path}: assumed: locked from {first:.4g} s on, where the drive keeps phase and amplitude")
     role = "validate" if b.is_validation else "fit"
-    b.parts = dwells.find_parts(b.tracks, locked, mapping.dwells, role)
+    b.parts = dwells.find_segments(b.tracks, locked, lab_map.dwells, role)
     for p in b.parts:
         if p.kind == "dwell":
             t = b.tracks
@@ -161,8 +161,8 @@ def _outlook(record, lacking):
     if not lacking:
         return ()
     missing = [name for name in firmware_words.TRACED if name not in record.streams]
-    outlook = f"tracing needs {', '.join(missing)}" if missing else "tracing works"
-    return (f"words are not replayed: {lacking}", f"R0 is not decidable; {outlook}")
+    tracing_outlook = f"tracing needs {', '.join(missing)}" if missing else "tracing works"
+    return (f"words are not replayed: {lacking}", f"R0 is not decidable; {tracing_outlook}")
 
 
 def _table_column(values, unit):
@@ -172,12 +172,12 @@ def _table_column(values, unit):
 
 def _table(name, rows):
     """A table of the schema from its rows."""
-    units = schema.table_columns(name)
+    units = schema.column_units(name)
     columns = zip(*rows) if rows else [()] * len(units)
     return {key: _table_column(values, unit) for (key, unit), values in zip(units.items(), columns)}
 
 
-def _record_tables(mapping, boards, starts):
+def _record_tables(lab_map, boards, starts):
     """Every table but the segments."""
     begun, order = [(b, FRAME_CYCLES * n) for b, n in zip(boards, starts)], schema.TABLES["priors"]
     return {
@@ -188,7 +188,7 @@ def _record_tables(mapping, boards, starts):
         "stimulus/temperature": _table(
             "stimulus/temperature", [row for b, a in begun for row in _stimulus(b, a, "temp_degc")]
         ),
-        "priors": _table("priors", [tuple(getattr(p, key) for key in order) for p in mapping.prior]),
+        "priors": _table("priors", [tuple(getattr(p, key) for key in order) for p in lab_map.prior]),
     }
 
 
@@ -222,23 +222,23 @@ def _set(b, p):
     return tuple(one.value_at(end) for one in (t.a_um, t.detune_deg, t.temp_degc, t.rate_dps))
 
 
-def _group(b, p, k, groups, condition_keys):
+def _group(b, p, k, group_names, condition_keys):
     """Repeat group of a part: dwells of one condition in several files are repeats, named as the first of them."""
     if p.kind != "dwell":
         return f"{p.id}.{k}"
     key = (*_set(b, p), b.tracks.rate_dps.value_at(p.first - 1), p.role)
     # the same condition again in one power-on is no repeat: it shares the drive frequency with the first
     condition_keys.append(key)
-    name = p.id if p.id not in groups.values() else f"{p.id}.{k}"
-    return groups.setdefault((key, condition_keys.count(key)), name)
+    name = p.id if p.id not in group_names.values() else f"{p.id}.{k}"
+    return group_names.setdefault((key, condition_keys.count(key)), name)
 
 
 def _segment_table(boards, starts):
-    rows, groups = [], {}
+    rows, group_names = [], {}
     for k, (b, start) in enumerate(zip(boards, starts)):
         condition_keys = []
         for p in b.parts:
             at = FRAME_CYCLES * (start + p.first), FRAME_CYCLES * (start + p.end)
-            group = p.group or _group(b, p, k, groups, condition_keys)
+            group = p.group or _group(b, p, k, group_names, condition_keys)
             rows.append((f"{p.id}.{k}", *at, p.kind, "drv pll ftr qsc", *_set(b, p), group, p.role))
     return _table("segments", rows)

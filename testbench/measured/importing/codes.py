@@ -57,9 +57,9 @@ def codes(path, name, stream, values, model_lsb_v):
     rounded = np.rint(scaled)
     fmt = schema.STREAMS[name]
     lo, hi = (-(2.0 ** (fmt.bits - 1)), 2.0 ** (fmt.bits - 1) - 1) if fmt.signed else (0.0, 2.0**fmt.bits - 1)
-    outside = np.flatnonzero((rounded < lo) | (rounded > hi))
-    if len(outside):
-        k = int(outside[0])
+    outside_rows = np.flatnonzero((rounded < lo) | (rounded > hi))
+    if len(outside_rows):
+        k = int(outside_rows[0])
         where = f"{path}: column {stream.column!r}: row {k + 1}"
         raise FileError(
             f"{where}: {values[k]:.6g} {stream.unit} is code {rounded[k]:.0f} of {name}, outside {lo:.0f} .. {hi:.0f}"

@@ -36,8 +36,8 @@ class Track(NamedTuple):
 
     def shift_origin(self, begin):
         """The same over frames that count from frame `begin`."""
-        start = max(0, int(np.searchsorted(self.frames, begin, side="right")) - 1)
-        return Track(tuple(max(0, f - begin) for f in self.frames[start:]), self.values[start:])
+        start_index = max(0, int(np.searchsorted(self.frames, begin, side="right")) - 1)
+        return Track(tuple(max(0, f - begin) for f in self.frames[start_index:]), self.values[start_index:])
 
     def changes(self):
         """Frames at which another value begins."""
@@ -69,9 +69,9 @@ def track(points, linear=False):
     rows = [(0.0, points)] if isinstance(points, (int, float)) else points
     frames, values = [round(t * FRAME_HZ) for t, _ in rows], [float(v) for _, v in rows]
     if linear:
-        ramps = [_line(*pair) for pair in itertools.pairwise(zip(frames, values))]
+        ramp_steps = [_line(*pair) for pair in itertools.pairwise(zip(frames, values))]
         frames, values = (
-            [n for part in ramps for n in part[k]] + [last] for k, last in ((0, frames[-1]), (1, values[-1]))
+            [n for part in ramp_steps for n in part[k]] + [last] for k, last in ((0, frames[-1]), (1, values[-1]))
         )
     return Track(tuple(frames), tuple(values))
 
@@ -100,7 +100,7 @@ def drive_locked(codes):
     return np.arange(len(x)) >= (int(wrong[-1]) + half + 1 if len(wrong) else 0)
 
 
-def find_parts(tracks, locked, options, role="fit"):
+def find_segments(tracks, locked, options, role="fit"):
     """[Part] of a power-on, whose dwells have a role.
 
     locked   (frames,) of bool: the board is locked
@@ -146,7 +146,7 @@ def _common(lengths, longest):
     return max(tried, key=lambda n: n * sum(m >= n for m in tried), default=0)
 
 
-def stated_parts(rows, begin, frames, where):
+def stated_segments(rows, begin, frames, where):
     """[Part] of the stretches that a map states, of a file that begins `begin` frames behind power-on.
 
     ConfigError for one that the file does not hold.

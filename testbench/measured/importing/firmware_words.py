@@ -21,14 +21,14 @@ REPLAYED = "replayed"  # tap of a stream that nobody recorded
 def replay_words(record, session, names):
     """{stream: (frames,)} of a session, int64."""
     firmware = build.firmware(check_tables.stated_config(record))
-    stream_parts = {name: [] for name in names}
+    word_blocks = {name: [] for name in names}
     for _, n, o in firmware_residual.replay_blocks(record, session, firmware):
-        for name, parts in stream_parts.items():
+        for name, parts in word_blocks.items():
             parts.append(o.words[:n, replay.WORDS.index(schema.REPLAYED[name])])
-    return {name: np.concatenate(parts) for name, parts in stream_parts.items()}
+    return {name: np.concatenate(parts) for name, parts in word_blocks.items()}
 
 
-def missing_streams(record):
+def missing_replayed_streams(record):
     """Streams that a replay could add."""
     names = [name for name in schema.REPLAYED if name not in record.streams]
     if "adc_temperature" not in record.streams and "rate_output" in names:
@@ -42,7 +42,7 @@ def complete_record(record):
     The record itself is left as it is; it is returned where nothing can be, or need be, added. Where `adc_ok` is not
     recorded, every conversion that was seen is taken as good.
     """
-    names = missing_streams(record)
+    names = missing_replayed_streams(record)
     why = firmware_residual.unreplayable(record, check_tables.stated_config(record)) if names else ""
     if why or not names:
         return record, why

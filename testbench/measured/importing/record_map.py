@@ -149,8 +149,8 @@ class Map(Part):
 
 def read(path):
     """`Map` of a TOML file."""
-    mapping = inputs.validate_data(inputs.read_toml(path), Map, path, ConfigError)
-    for name, stream in mapping.columns.items():
+    lab_map = inputs.validate_data(inputs.read_toml(path), Map, path, ConfigError)
+    for name, stream in lab_map.columns.items():
         if name not in schema.STREAMS:
             raise ConfigError(f"{path}: columns.{name}: is no stream; those are {', '.join(schema.STREAMS)}")
         volts = stream.unit in PREFIX_V
@@ -158,16 +158,16 @@ def read(path):
             raise ConfigError(f"{path}: columns.{name}: unit {stream.unit!r} is that of nco_fword alone")
         if volts and schema.STREAMS[name].unit not in ("code", "word"):
             raise ConfigError(f"{path}: columns.{name}: {schema.STREAMS[name].unit} has no volts")
-    missing = [name for name in schema.ADC if name not in mapping.columns]
+    missing = [name for name in schema.ADC if name not in lab_map.columns]
     if missing:
         raise ConfigError(f"{path}: columns.{missing[0]} is missing; the four channels of the converter are required")
-    for k, one in enumerate([*mapping.write, *(w for p in mapping.power_on for w in p.write or ())]):
-        targets = [key for key in ("name", "a_um", "detune_deg") if getattr(one, key) not in ("", None)]
-        if len(targets) != 1 or (one.name != "") != (one.raw is not None):
-            raise ConfigError(f"{path}: write[{k}]: expected name with raw, or a_um, or detune_deg, found {targets}")
-    for one in mapping.segment:
+    for k, one in enumerate([*lab_map.write, *(w for p in lab_map.power_on for w in p.write or ())]):
+        set_keys = [key for key in ("name", "a_um", "detune_deg") if getattr(one, key) not in ("", None)]
+        if len(set_keys) != 1 or (one.name != "") != (one.raw is not None):
+            raise ConfigError(f"{path}: write[{k}]: expected name with raw, or a_um, or detune_deg, found {set_keys}")
+    for one in lab_map.segment:
         if not one.from_s < one.to_s:
             raise ConfigError(
                 f"{path}: segment {one.id}: from_s = {one.from_s:g} s is not before to_s = {one.to_s:g} s"
             )
-    return mapping
+    return lab_map

@@ -39,16 +39,16 @@ class Board:
     words: list = field(default_factory=list)  # what was found and assumed
 
 
-def import_board(path, mapping, k, config):
+def import_board(path, lab_map, k, config):
     """`Board` of file k with a `record_map.Map` and the configuration of the model."""
-    columns = table.read_table(path)
-    names = {name: stream.column for name, stream in mapping.columns.items()}
-    time = mapping.time
+    table_columns = table.read_table(path)
+    names = {name: stream.column for name, stream in lab_map.columns.items()}
+    time = lab_map.time
     numbers = table.numeric_columns(
-        path, columns, [*dict.fromkeys([*names.values(), *([time.column] if time else [])])]
+        path, table_columns, [*dict.fromkeys([*names.values(), *([time.column] if time else [])])]
     )
     model, stream_codes, words, lsb_v = schema.lsb_volts(config.device()), {}, [], {}
-    for name, stream in mapping.columns.items():
+    for name, stream in lab_map.columns.items():
         stream_codes[name] = one = codes.codes(path, name, stream, numbers[stream.column], model.get(name))
         words.append(f"{name}: column {stream.column!r} in {stream.unit}, {one.text}")
         if one.lsb_v is not None:
@@ -59,8 +59,8 @@ def import_board(path, mapping, k, config):
     line = time_line.line(path, numbers[time.column] if time else None, time, values)
     if len(line.rows) < 2:
         raise FileError(f"{path}: {len(line.rows)} rows behind the power-on, expected two or more")
-    profile, writes, heldout = mapping.file_settings(k)
-    log, tracks = _registers(mapping, profile, writes, config)
+    profile, writes, heldout = lab_map.file_settings(k)
+    log, tracks = _registers(lab_map, profile, writes, config)
     tracks = dwells.Tracks(*(t.shift_origin(line.begin) for t in tracks))
     log = [(max(0, edge - FRAME_CYCLES * line.begin), name, raw) for edge, name, raw in log]
     raw = all(stream_codes[name].raw for name in schema.ADC)
@@ -88,7 +88,7 @@ def _cut(b):
     b.line = b.line._replace(lost=())
 
 
-def _registers(mapping, profile, writes, config):
+def _registers(lab_map, profile, writes, config):
     """([(edge, name, raw)], `dwells.Tracks`): the configuration's writes at power-on, then those of the map."""
     nominal = build.nominal(config)
     log = [(TICK_CYCLES * k, name, raw) for k, (name, raw) in enumerate(build.register_writes(config))]
@@ -102,9 +102,9 @@ def _registers(mapping, profile, writes, config):
             name, raw = "amplitude_setpoint", agc.setpoint(one.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
         elif one.detune_deg is not None:
             name, raw = "phase_drive_sine", (phase_word(one.detune_deg) + model_phase) % TURN
-        if not mapping.regmap_sha256 and (name not in registers.BY_NAME or registers.BY_NAME[name].access == "ro"):
+        if not lab_map.regmap_sha256 and (name not in registers.BY_NAME or registers.BY_NAME[name].access == "ro"):
             raise ConfigError(f"write at {one.at_s:g} s: {name} is no register that can be written")
-        if not mapping.regmap_sha256 and not registers.BY_NAME[name].fmt.holds(raw):
+        if not lab_map.regmap_sha256 and not registers.BY_NAME[name].fmt.holds(raw):
             fmt = registers.BY_NAME[name].fmt
             raise ConfigError(f"write at {one.at_s:g} s: {name} = {raw} is outside {fmt.lo} .. {fmt.hi}")
         if name == "amplitude_setpoint":

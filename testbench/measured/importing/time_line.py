@@ -18,7 +18,7 @@ from testbench.measured.importing.record_map import TIME_S
 from testbench.measured.record import schema
 
 FRAME_S = FRAME_CYCLES / MASTER_HZ
-GRID_TOLERANCE = 0.4  # of a step: how far a stamp may be from the grid of frames
+STAMP_TOLERANCE = 0.4  # of a step: how far a stamp may be from the grid of frames
 MOST_S = 1e10  # of a stamp, three hundred years
 MOST_LOST = 10  # times the rows of a file: what its stamps may span
 RATE = 0.01  # of the frame rate, by which a stamp's clock may differ
@@ -41,7 +41,7 @@ def _frame_steps(path, stamps_s):
     if np.abs(stamps_s).max() > MOST_S:
         raise FileError(f"{path}: a stamp of {np.abs(stamps_s).max():.4g} s, at most {MOST_S:g} s are expected")
     steps = np.diff(stamps_s) / FRAME_S
-    if len(steps) and steps.min() < -GRID_TOLERANCE:
+    if len(steps) and steps.min() < -STAMP_TOLERANCE:
         row = int(np.argmin(steps)) + 2
         raise FileError(
             f"{path}: row {row}: time goes back by {-steps.min() * FRAME_S:.6g} s; one file is one power-on"
@@ -55,7 +55,7 @@ def _frame_steps(path, stamps_s):
     steps /= decimated
     counts = np.rint(steps)
     off = np.abs(steps - counts) - RATE * np.abs(counts)
-    if len(off) and off.max() > GRID_TOLERANCE:
+    if len(off) and off.max() > STAMP_TOLERANCE:
         row = int(np.argmax(off))
         raise FileError(f"{path}: row {row + 2}: a step of {steps[row]:.3f} rows, expected a whole number")
     if counts.sum() > MOST_LOST * len(stamps_s):

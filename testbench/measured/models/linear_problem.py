@@ -70,7 +70,7 @@ class Common:
         return (self.own * unit[:, :-1] + self.common * unit[:, -1:]).reshape(count, -1).T
 
 
-def observable_rms(noise, segment):
+def observable_noise_rms(noise, segment):
     """{observable: rms} of a segment with a noise object."""
     return {o.name: float(np.sqrt(np.mean(noise.sd[o.rows] ** 2))) for o in segment.observables}
 
@@ -99,7 +99,7 @@ class LinearProblem(PartProblem, adds="noise columns"):
     def axis(self, segment, observable):
         return self._axis(segment) if self._axis else None
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         return self._data[k]
 
     def predict(self, points, which):
@@ -126,9 +126,9 @@ class LinearProblem(PartProblem, adds="noise columns"):
         return self.noise[k].draws(count, rng)
 
     def repeatability_rms(self, k):
-        return observable_rms(self.noise[k], self.segments[k])
+        return observable_noise_rms(self.noise[k], self.segments[k])
 
     def replace_data(self, data):
-        replaced = copy.copy(self)
-        replaced._data = tuple(data)
-        return replaced
+        new_problem = copy.copy(self)
+        new_problem._data = tuple(data)
+        return new_problem

@@ -15,7 +15,7 @@ class Family(NamedTuple):
 
 class PartProblem(
     Problem,
-    adds="most_laws same_rows quality families axis absorb_laws dependent_nuisances details replace_data laws_by_name",
+    adds="most_laws same_rows quality families axis include_laws dependent_nuisances details replace_data laws_by_name",
 ):
     """A recording of one part. Each member has a default.
 
@@ -35,7 +35,7 @@ class PartProblem(
         """(abscissa of the rows, its label) of an observable of a segment; None: the number of the row."""
         return None
 
-    def absorb_laws(self, names):
+    def include_laws(self, names):
         """The problem in which these laws are part of the model; None: their coefficients become nuisances."""
         return None
 

@@ -28,7 +28,7 @@ def _innovations(a, start, sd, white, v, out):
     start: covariance of r_n .. r_(n-p+1) in the first row.
     """
     p, rows, columns = len(a), v.shape[0], v.shape[1]
-    cov, now, updated = start.copy(), np.zeros((p, columns)), start.copy()
+    cov, now, filtered_cov = start.copy(), np.zeros((p, columns)), start.copy()
     driving_variance = 1.0
     for j in range(p):
         driving_variance -= a[j] * _lag(start, a, j + 1)
@@ -50,14 +50,14 @@ def _innovations(a, start, sd, white, v, out):
             now[0, c] = first
         for i in range(p):
             for j in range(p):
-                updated[i, j] = cov[i, j] - cov[i, 0] * cov[0, j] * sd[n] * sd[n] / variance
+                filtered_cov[i, j] = cov[i, j] - cov[i, 0] * cov[0, j] * sd[n] * sd[n] / variance
         for i in range(p):
             for j in range(p):
-                cov[i, j] = updated[i - 1, j - 1] if i > 0 and j > 0 else 0.0
+                cov[i, j] = filtered_cov[i - 1, j - 1] if i > 0 and j > 0 else 0.0
         for j in range(p):
             cross = 0.0
             for i in range(p):
-                cross += a[i] * updated[i, j]
+                cross += a[i] * filtered_cov[i, j]
             if j + 1 < p:
                 cov[0, j + 1] = cov[j + 1, 0] = cross
             cov[0, 0] += a[j] * cross
@@ -110,7 +110,7 @@ class Noise(NamedTuple):
     def select_rows(self, rows):
         """The noise of some rows of a segment (indices that rise): it begins anew behind each gap."""
         sd = self.sd if np.ndim(self.sd) == 0 else self.sd[rows]
-        return self._replace(sd=sd, starts=gap_starts(rows))
+        return self._replace(sd=sd, starts=piece_starts(rows))
 
     @property
     def rms(self):
@@ -150,8 +150,8 @@ class Noise(NamedTuple):
         taps, warm = np.concatenate([[1.0], -self.a]), 40 * len(self.a) + 400
         ends = np.cumsum([piece.stop - piece.start + warm for piece in self._pieces(n)])
         kicks = np.split(rng.normal(size=(count, ends[-1])), ends[:-1], axis=1)
-        coloured = self.sd * np.concatenate([lfilter([self.b], taps, u)[:, warm:] for u in kicks], axis=1)
-        return (coloured + self.white_sd * rng.normal(size=(count, n))).T
+        coloured_noise = self.sd * np.concatenate([lfilter([self.b], taps, u)[:, warm:] for u in kicks], axis=1)
+        return (coloured_noise + self.white_sd * rng.normal(size=(count, n))).T
 
 
 def likeliest(v, smooth, inverse):
@@ -162,11 +162,11 @@ def likeliest(v, smooth, inverse):
     """
 
     def minus_log_likelihood(q, residual):
-        rows, logs = _parametric_noise(q, inverse).innovations(residual)
+        rows, logs = _build_noise(q, inverse).innovations(residual)
         return logs + float(rows @ rows)
 
-    def restricted_cost(q):
-        rows, logs = _parametric_noise(q, inverse).innovations(np.column_stack([v, smooth]))
+    def restricted_likelihood_cost(q):
+        rows, logs = _build_noise(q, inverse).innovations(np.column_stack([v, smooth]))
         r = np.linalg.qr(rows[:, [*range(1, rows.shape[1]), 0]], mode="r")
         return logs + 2 * float(np.sum(np.log(np.abs(np.diag(r)[:-1])))) + float(r[-1, -1] ** 2)
 
@@ -182,10 +182,10 @@ def likeliest(v, smooth, inverse):
         if best is not None and value >= best[0]:
             break
         best = value, best_fit.x
-    return _parametric_noise(minimize(restricted_cost, best[1], method="Nelder-Mead", options=SIMPLEX).x, inverse)
+    return _build_noise(minimize(restricted_likelihood_cost, best[1], method="Nelder-Mead", options=SIMPLEX).x, inverse)
 
 
-def _parametric_noise(q, inverse):
+def _build_noise(q, inverse):
     """`Noise` of ln variances (white, coloured, growing with `inverse`) and inverse tanh of the reflections."""
     a, innovation_variance = np.zeros(0), 1.0
     for k in MOST * np.tanh(q[3:]):  # Levinson: any reflections below 1 give a stationary autoregression
@@ -208,6 +208,6 @@ def turns(count, blocks):
     return np.flatnonzero(block % 2 == 0), np.flatnonzero(block % 2 == 1)
 
 
-def gap_starts(rows):
+def piece_starts(rows):
     """Places at which rows begin anew: the first, and those behind a gap."""
     return (0, *(np.flatnonzero(np.diff(rows) > 1) + 1).tolist())

@@ -29,7 +29,7 @@ SHUFFLED = 0.5  # correlation of time and source below which the order is random
 READINGS = 3  # behind one point, where the file gives their spread
 
 
-def apply_lag(seconds, x, tau_s):
+def low_pass_series(seconds, x, tau_s):
     """`x` behind a first-order lag."""
     y = np.array(x, float)
     for i in range(1, len(y)):
@@ -66,7 +66,7 @@ def shapes(data):
     for column, x in data.environment.items():
         rows[column] = x
         if "room" in column.lower() and "temp" in column.lower():
-            rows |= {f"{column} {tau:g} s late": apply_lag(data.seconds, x, tau) for tau in SETTLE_S}
+            rows |= {f"{column} {tau:g} s late": low_pass_series(data.seconds, x, tau) for tau in SETTLE_S}
     for column, x in rows.items():
         span, x = np.max(np.abs(x - np.mean(x))), normalise_series(x)
         if x is not None:
@@ -95,7 +95,7 @@ def cubic(u):
     return u**3 - u
 
 
-def smooth_residuals(data):
+def smooth_fit_residuals(data):
     """Residuals (uV) of a regression on everything smooth: source, environment, time; what is left is noise."""
     u = data.source_v / full_v(data)
     knots = np.linspace(-1, 1, 24)
@@ -117,7 +117,7 @@ def smooth_residuals(data):
 
 def noise_sd(data):
     """(own (meters, points), source): uV rms of a point. The source's from what the quietest meters share."""
-    residual, u = smooth_residuals(data), data.source_v / full_v(data)
+    residual, u = smooth_fit_residuals(data), data.source_v / full_v(data)
     points, meters = residual.shape
     source = 0.0
     if meters > 1:
@@ -127,18 +127,18 @@ def noise_sd(data):
         source = float(np.sqrt(max(np.median(shared), 0.0)))
     # a reference's noise grows with the voltage: variance a + b u^2, both >= 0
     profile = np.column_stack([np.ones(points), u * u])
-    variance = np.stack([profile @ nnls(profile, residual[:, m] ** 2)[0] for m in range(meters)])
+    total_variance = np.stack([profile @ nnls(profile, residual[:, m] ** 2)[0] for m in range(meters)])
     print_uv = 1e6 * np.array([series.rounding_noise(v) for v in data.readings_v.T])
     least = (np.maximum(0.3 * robust(residual), print_uv)[:, None]) ** 2
     if data.spread_v is not None:
         # the sd of the mean of the readings behind a point
         least = np.maximum(least, (np.mean(data.spread_v**2, axis=0) / (READINGS - 1) * 1e12)[:, None])
-    return np.sqrt(np.maximum(variance - source**2, least)), source
+    return np.sqrt(np.maximum(total_variance - source**2, least)), source
 
 
-def robust(residual):
+def robust(residuals):
     """Standard deviation of most, by the median of the magnitudes."""
-    return np.median(np.abs(residual), axis=0) / 0.6745
+    return np.median(np.abs(residuals), axis=0) / 0.6745
 
 
 class Meters(LinearProblem, adds="full_v"):

@@ -154,11 +154,11 @@ def slow_covariance(differences):
     n = d.shape[1]
     power = np.mean([gaussian_filter1d(x * x, LOCAL * n / BLOCKS, mode="reflect") for x in d], axis=0)
     sd = np.sqrt((power + np.mean(power)) / 2)
-    code_distance = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    block_distance = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     best = None
     for length in n * np.array([0.003, 0.01, 0.03, 0.1]):
         for white in (0.001, 0.01, 0.1, 0.5):
-            c = (1 - white) * np.exp(-code_distance / length) + white * np.eye(n)
+            c = (1 - white) * np.exp(-block_distance / length) + white * np.eye(n)
             root = np.linalg.cholesky(c)
             z = solve_triangular(root, (d / sd).T, lower=True)
             cost = float(np.sum(z * z)) + 2 * len(d) * float(np.sum(np.log(np.diag(root))))
@@ -223,7 +223,7 @@ def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     return out
 
 
-def channel_sessions(files):
+def sessions_by_channel(files):
     """{channel: [Session]} of `Levels` of equal width; channels that all files have."""
     if len({f.bits for f in files}) != 1:
         raise ConfigError(f"levels: sessions of {sorted(f.bits for f in files)} bits, expected one width")
@@ -234,9 +234,9 @@ def channel_sessions(files):
     for c in common:
         sessions = []
         for number, f in enumerate(files, 1):
-            residual, _, slope = fit_line(f.channels[c])
+            line_residual, _, slope = fit_line(f.channels[c])
             noise = series.rounding_noise(f.channels[c]) / abs(slope)
-            sessions.append(Session(f"session {number}", residual / slope, slope, noise))
+            sessions.append(Session(f"session {number}", line_residual / slope, slope, noise))
         out[c] = sessions
     # the channel of the largest swing first: a small one shows the voltmeter, not the DAC
     return dict(sorted(out.items(), key=lambda item: -abs(item[1][0].lsb_v)))
@@ -246,7 +246,7 @@ def jobs(paths):
     """[(label, paths, options)]: each session chooses once, the others judge; other channels for what they show."""
     if len(paths) < 2 or not all(levels_mat.is_levels_file(p) for p in paths):
         return [(p.stem, [p], {}) for p in paths if levels_mat.is_levels_file(p)]
-    channels = channel_sessions([levels_mat.read(p) for p in paths])
+    channels = sessions_by_channel([levels_mat.read(p) for p in paths])
     main = next(iter(channels))
     out = [(f"{main}, session {k} chooses", paths, {"channel": main, "fit": str(k)}) for k in range(len(paths), 0, -1)]
     return out + [(f"{c}, session 1 chooses", paths, {"channel": c, "fit": "1"}) for c in channels if c != main]
@@ -257,7 +257,7 @@ def opener(paths, options):
     if not paths or not all(levels_mat.is_levels_file(p) for p in paths):
         return None
     files = [levels_mat.read(p) for p in paths]
-    channels = channel_sessions(files)
+    channels = sessions_by_channel(files)
     name = options.get("channel", next(iter(channels)))
     if name not in channels:
         raise ConfigError(f"--option channel={name}: the files have {', '.join(channels)}")

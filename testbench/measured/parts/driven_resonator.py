@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from testbench.errors import ConfigError
-from testbench.measured.formats import input_output, load_recognised
+from testbench.measured.formats import input_output, load_matching_files
 from testbench.measured.models import mode, splits
 from testbench.measured.models.row_noise import Noise
 from testbench.measured.models.terms import FORCES, GRAMMAR, TERMS
@@ -41,14 +41,14 @@ class Drive(NamedTuple):
     record: int
 
 
-def _term_order(text):
+def _term_degree(text):
     return sum(int(t.partition("^")[2] or 1) for t in text.split() if "sgn" not in t)
 
 
 def _catalogue(rms_v, fs_hz):
     out = []
     for name, text, sign, words in FORCES:
-        n = _term_order(text)
+        n = _term_degree(text)
         unit = "V" if n == 0 else "1" if n == 1 else f"1/V^{n - 1}" if n > 2 else "1/V"
         out.append(
             Law(
@@ -80,7 +80,7 @@ def _library(rms_v):
             "force_x",
             f"F = -k c {text}",
             "relative",
-            SCALE * rms_v ** (1 - _term_order(text)),
+            SCALE * rms_v ** (1 - _term_degree(text)),
             int(text in DISSIPATES),
             term=tuple(_factors(text)),
         )
@@ -160,7 +160,7 @@ class DrivenResonator(Part, adds="fs_hz"):
 
 def periodic(u, longest=16384):
     """(first, period, periods) of stretches in which u repeats itself, at least four periods of 256 or more samples."""
-    stretches, covered = [], np.zeros(len(u), bool)
+    periodic_stretches, covered_samples = [], np.zeros(len(u), bool)
     for p in (256, 512, 1024, 2048, 4096, 8192, longest):
         if len(u) < 4 * p:
             break
@@ -168,18 +168,18 @@ def periodic(u, longest=16384):
         blocks = len(change) // (p // 4)
         power = change[: blocks * (p // 4)].reshape(blocks, -1).mean(1)
         level = np.array([np.var(u[i * (p // 4) : i * (p // 4) + p]) for i in range(blocks)])
-        repeats = power < 2 * 0.02**2 * np.maximum(level, 1e-12 * np.var(u))
+        repeating_blocks = power < 2 * 0.02**2 * np.maximum(level, 1e-12 * np.var(u))
         start = None
-        for i, good in enumerate(np.append(repeats, False)):
+        for i, good in enumerate(np.append(repeating_blocks, False)):
             if good and start is None:
                 start = i
             elif not good and start is not None:
                 first, count = start * (p // 4), (i - start) // 4 + 1
-                if count >= 4 and not covered[first : first + count * p].any():
-                    stretches.append((first, p, count))
-                    covered[first : first + count * p] = True
+                if count >= 4 and not covered_samples[first : first + count * p].any():
+                    periodic_stretches.append((first, p, count))
+                    covered_samples[first : first + count * p] = True
                 start = None
-    return stretches
+    return periodic_stretches
 
 
 def repeated_noise(record):
@@ -238,13 +238,13 @@ def problem(paths, fs_hz=input_output.FS_HZ):
 
     records = [(input_output.load(path, fs_hz), file_sha256(path)) for path in paths]
     records.sort(key=lambda item: (item[1] not in splits.OFFICIAL, item[1]))
-    (first, digest), further = records[0], records[1:]
-    return records_problem(first, digest, further)
+    (first, digest), further_records = records[0], records[1:]
+    return problem_from_records(first, digest, further_records)
 
 
-def records_problem(first, digest, further=()):
+def problem_from_records(first, digest, further_records=()):
     """As `problem`, from `InputOutput`s and their hashes."""
-    noises = [v for record, _ in ((first, digest), *further) for v in repeated_noise(record)]
+    noises = [v for record, _ in ((first, digest), *further_records) for v in repeated_noise(record)]
     notes = []
     if noises:
         floor = float(np.sqrt(np.mean(np.concatenate(noises) ** 2)))
@@ -262,7 +262,7 @@ def records_problem(first, digest, further=()):
     for role in ("fit", "validate", "exam"):
         for name, (a, b) in getattr(plan, role).items():
             pieces.append(_cut_piece(name, role, first, wide, a, b, noise, floor))
-    for number, (record, _) in enumerate(further):
+    for number, (record, _) in enumerate(further_records):
         n = len(record.input_v)
         name = f"other_record_{number + 1}"
         pieces.append(_cut_piece(name, "exam", record, mode.upsample(record.input_v, TICKS), 0, n, noise, floor))
@@ -275,13 +275,13 @@ def records_problem(first, digest, further=()):
         Nuisance("input_offset", "mV", 0.0, 20.0, 1e-3),
         Nuisance("output_offset", "mV", 0.0, 20.0, 1e-3),
     )
-    hashes = {"record": digest} | {f"record_{i + 2}": h for i, (_, h) in enumerate(further)}
-    resonator = DrivenResonator(
+    hashes = {"record": digest} | {f"record_{i + 2}": h for i, (_, h) in enumerate(further_records)}
+    resonator_problem = DrivenResonator(
         first.fs_hz, (f, q, gain), "driven resonator", nuisances, _catalogue(rms, first.fs_hz), pieces, hashes, notes
     )
-    resonator.library, resonator.heldout_independent = _library(rms), bool(further)
-    resonator.working = Working("driven", float(np.max(np.abs(first.output_v))), f, q)
-    return resonator
+    resonator_problem.library, resonator_problem.heldout_independent = _library(rms), bool(further_records)
+    resonator_problem.working = Working("driven", float(np.max(np.abs(first.output_v))), f, q)
+    return resonator_problem
 
 
 def _cut_piece(name, role, record, wide, a, b, noise, floor):
@@ -300,7 +300,7 @@ def _cut_piece(name, role, record, wide, a, b, noise, floor):
 
 
 def _are(paths):
-    return [path for path, _ in load_recognised(paths, input_output)]
+    return [path for path, _ in load_matching_files(paths, input_output)]
 
 
 def jobs(paths):

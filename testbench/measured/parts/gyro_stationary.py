@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from scipy.special import digamma, polygamma
 
 from testbench.measured.formats import gyro_npz
-from testbench.measured.models.linear_problem import Dense, Diagonal, observable_rms
+from testbench.measured.models.linear_problem import Dense, Diagonal, observable_noise_rms
 from testbench.measured.models.part_problem import PartProblem
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, PredictionFailed, Segment
 
@@ -89,10 +89,10 @@ def bias_noise(steps):
     for row in steps:
         track = np.cumsum(row)
         lag = min(8, max(2, n // 4))
-        step_square, lag_square = np.mean(row**2), np.mean((track[lag:] - track[:-lag]) ** 2)
-        walk = max((lag_square - step_square) / (lag - 1), 0.0)
-        white = max((step_square - walk) / 2, 0.05 * step_square)
-        walk = max(step_square - 2 * white, 0.0)
+        step_mean_square, lag_mean_square = np.mean(row**2), np.mean((track[lag:] - track[:-lag]) ** 2)
+        walk = max((lag_mean_square - step_mean_square) / (lag - 1), 0.0)
+        white = max((step_mean_square - walk) / 2, 0.05 * step_mean_square)
+        walk = max(step_mean_square - 2 * white, 0.0)
         out.append((white, walk))
     return out
 
@@ -174,8 +174,8 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
             observables = tuple(
                 Observable(f"bias step {axis}", "deg/s", slice(a * m, (a + 1) * m)) for a, axis in enumerate(self.names)
             )
-            neighbours = np.eye(m, k=1) + np.eye(m, k=-1)
-            blocks = [(2 * white + walk) * np.eye(m) - white * neighbours for white, walk in walks]
+            neighbour_matrix = np.eye(m, k=1) + np.eye(m, k=-1)
+            blocks = [(2 * white + walk) * np.eye(m) - white * neighbour_matrix for white, walk in walks]
             segments.append(Segment(f"bias {role}", {}, f"bias {role}", 0, role, observables))
             self._noise.append(Dense(block_diag(*blocks)))
         self.segments = tuple(segments)
@@ -188,16 +188,16 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
             density = 10 ** (level / 10)
             nuisances += _base(axis, level, density)
             laws += _axis_laws(axis, density, self.bins.rate_hz)
-        base_laws = {law.name: law for law in laws}
-        self._line_at = {name: float(name.split()[-2]) for name in base_laws if ": vibration " in name}
-        for law in (base_laws[name] for name in self.model_laws if name in base_laws):
+        law_by_name = {law.name: law for law in laws}
+        self._line_at = {name: float(name.split()[-2]) for name in law_by_name if ": vibration " in name}
+        for law in (law_by_name[name] for name in self.model_laws if name in law_by_name):
             nuisances.append(Nuisance(law.name, law.unit, 0.1 * law.scale, 3 * law.scale, law.scale * 1e-4))
             if law.name in self._line_at:
                 quality = float(np.log(Q_LOOKED_FOR))
                 nuisances.append(Nuisance(f"{law.name} frequency", "1", 0.0, 0.04, 1e-5))
                 nuisances.append(Nuisance(f"{law.name} log quality", "1", quality, 0.7, 1e-4))
                 laws += _settling(law.name)
-        settling = {law.name: law for law in laws[len(base_laws) :]}
+        settling = {law.name: law for law in laws[len(law_by_name) :]}
         for law in (settling[name] for name in self.model_laws if name in settling):
             nuisances.append(Nuisance(law.name, law.unit, 0.0, 3 * law.scale, 1e-5))
         self.nuisances = tuple(nuisances)
@@ -215,7 +215,7 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
         """Frequency and quality of a vibration that is part of the model, and how it settles."""
         return [n.name for n in self.nuisances if law in self._line_at and n.name.startswith(f"{law} ")]
 
-    def absorb_laws(self, names):
+    def include_laws(self, names):
         return self._again(names, self._data)
 
     def replace_data(self, data):
@@ -241,7 +241,7 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
             return np.log10(self.bins.hz), "log10 of the frequency (Hz)"
         return self._mean_s[self._cut + 1 :], "time (s)"
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         return self._data[k]
 
     def _density(self, axis, values, time_s):
@@ -291,7 +291,7 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
         return self._noise[k].draws(count, rng)
 
     def repeatability_rms(self, k):
-        return observable_rms(self._noise[k], self.segments[k])
+        return observable_noise_rms(self._noise[k], self.segments[k])
 
 
 def jobs(paths):

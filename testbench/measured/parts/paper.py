@@ -49,13 +49,13 @@ def report(paths, options):
 
 
 def _find_rivals(number, rivals_by_number):
-    for (symbol, case, temperature), alternatives in rivals_by_number.items():
+    for (symbol, case, temperature), matching_rivals in rivals_by_number.items():
         if number.symbol == symbol and number.case.startswith(case) and number.temperature == temperature:
-            return alternatives
+            return matching_rivals
     return ()
 
 
-def _question(row, alternatives):
+def _question(row, matching_rivals):
     n, part = row.number, row.part
     return {
         "name": n.quantity,
@@ -68,7 +68,7 @@ def _question(row, alternatives):
         "rests_on": list(row.rule.rests_on),
         "verdict": row.verdict,
         "basis": row.basis,
-        "rivals": [x._asdict() for x in alternatives],
+        "rivals": [x._asdict() for x in matching_rivals],
     }
 
 

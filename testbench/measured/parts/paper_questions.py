@@ -24,14 +24,14 @@ HOT_K, COLD_K = 323.15, 253.15
 MEAN, STEP = "mean of cases", "case 3 vs case 4"
 
 
-def quadrature_mean(phase_deg, zero_rate_v):
+def quadrature_mean(phase_deg, quadrature_v):
     """Mean V_q (V) over the paper's 22 rates with the sense phase uncompensated, as a share of V_q at rest.
 
     V_q^2 = zero_rate_v^2 (1 + rate tan(phase) / coupling), within 0 .. rail.
     """
     rates = np.array([s * r for r in RATES for s in (-1, 1)])
     u = 1 + rates * math.tan(math.radians(phase_deg)) / COUPLING_DPS
-    return float(np.mean(np.clip(zero_rate_v * np.sqrt(np.maximum(u, 0)), 0, RAIL_V)) / zero_rate_v)
+    return float(np.mean(np.clip(quadrature_v * np.sqrt(np.maximum(u, 0)), 0, RAIL_V)) / quadrature_v)
 
 
 def rivals(numbers):
@@ -47,15 +47,15 @@ def rivals(numbers):
     return out
 
 
-def _phase_part(planned, node, words):
+def _budget_phase_deg(planned, node, words):
     return next(r.degrees for r in planned.rows[node] if words in r.what)
 
 
 def _feedback(numbers, planned):
     node, us = planned.node_deg(), 360 * planned.frequency_hz * 1e-6
     xe1, ye1 = numbers.get("phi_xe1", "case 1"), numbers.get("phi_ye1", "case 3")
-    plain = node["xe1"] - _phase_part(planned, "xe1", "wait for the 1 MHz grid")
-    short = node["ye1"] - _phase_part(planned, "ye1", "extra 1 us frames")
+    plain = node["xe1"] - _budget_phase_deg(planned, "xe1", "wait for the 1 MHz grid")
+    short = node["ye1"] - _budget_phase_deg(planned, "ye1", "extra 1 us frames")
     pole_deg = ye1 - short
     tau_ns = math.tan(math.radians(pole_deg)) / (2 * math.pi * planned.frequency_hz) * 1e9
     loss = 100 * (1 - math.cos(math.radians(pole_deg)))
@@ -109,19 +109,19 @@ def _scale(numbers, planned):
     )
 
 
-def _quadrature_change(numbers, t):
+def _quadrature_change_dps(numbers, t):
     """Quadrature (deg/s) by which V_q has moved from case 3 to case 4, by its square; FileError if it has not."""
     change = numbers.get("Vq", "case 3 vs case 4", t)
-    quadrature_dps = COUPLING_DPS * (1 - (1 - change) ** 2)
-    if quadrature_dps == 0:
+    change_dps = COUPLING_DPS * (1 - (1 - change) ** 2)
+    if change_dps == 0:
         raise FileError(f"{numbers.path}: Vq: a change of {change:g} from case 3 to case 4 leaves its square as it was")
-    return quadrature_dps
+    return change_dps
 
 
 def _quadrature(numbers, t):
-    ye1, zero_rate_v = numbers.get("phi_ye1", "case 3"), numbers.get("Vq", "mean of cases")
-    share = 1 - quadrature_mean(ye1, zero_rate_v)
-    force = _quadrature_change(numbers, t) / math.tan(math.radians(ye1))
+    ye1, quadrature_v = numbers.get("phi_ye1", "case 3"), numbers.get("Vq", "mean of cases")
+    share = 1 - quadrature_mean(ye1, quadrature_v)
+    force = _quadrature_change_dps(numbers, t) / math.tan(math.radians(ye1))
     return (
         Rival(
             "V_q is the mean over the 22 rates",
@@ -140,7 +140,7 @@ def _quadrature(numbers, t):
 def _bias(numbers, t):
     bias, ye1 = abs(numbers.get("bias", "mean of cases", t)), numbers.get("phi_ye1", "case 3")
     step = numbers.get("bias", "case 3 vs case 4", t) * bias
-    leak = math.degrees(math.atan(step / _quadrature_change(numbers, t)))
+    leak = math.degrees(math.atan(step / _quadrature_change_dps(numbers, t)))
     turned = bias * (1 / math.cos(math.radians(ye1)) - 1)
     return (
         Rival("shares its cause with V_q", f"a leak of {leak:.2f} deg of what V_q has moved by", "bias against V_q"),

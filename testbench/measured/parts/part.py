@@ -98,7 +98,7 @@ class Part(PartProblem, adds=f"{MEMBERS} nuisance_values model locate predict_ro
         """{segment: rms of what its repeats do not share}, where the part has repeats that its noise does not tell."""
         return {}
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         return self.pieces[k].rows[self.pieces[k].scored]
 
     def whiten(self, k, v):
@@ -119,14 +119,14 @@ class Part(PartProblem, adds=f"{MEMBERS} nuisance_values model locate predict_ro
     def predict(self, points, which):
         out = []
         for theta, effects in points:
-            values, predictions = self.nuisance_values(theta), []
+            values, segment_predictions = self.nuisance_values(theta), []
             for k in which:
                 piece = self.pieces[k]
                 rows = self.predict_rows(piece, values, effects)[piece.scored]
                 if not np.all(np.isfinite(rows)) or np.max(np.abs(rows)) > 1e3 * (np.max(np.abs(piece.rows)) + 1e-12):
                     raise PredictionFailed(f"{piece.name}: diverges")
-                predictions.append(rows)
-            out.append(predictions)
+                segment_predictions.append(rows)
+            out.append(segment_predictions)
         return out
 
     def predict_rows(self, piece, values, effects):

@@ -16,7 +16,7 @@ import numpy as np
 
 from fpga_model.jit import kernel
 from testbench.errors import FileError
-from testbench.measured.formats import load_recognised, ringdown_text
+from testbench.measured.formats import load_matching_files, ringdown_text
 from testbench.measured.models.row_noise import turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
@@ -51,7 +51,7 @@ class Run(NamedTuple):
 
 
 @kernel
-def _integrate_decay(t, log_p, g, drift, c, exponents, out):
+def _integrate_log_power(t, log_p, g, drift, c, exponents, out):
     """ln P at instants t by Runge-Kutta 4 on d(ln P)/dt = -g (1 + drift (t/T - 1/2)) - sum c P^(n - 1)."""
     y, span = log_p, t[-1] - t[0] if len(t) > 1 else 1.0
     for i in range(len(t)):
@@ -82,7 +82,9 @@ def power_dbm(t_s, level_dbm, rate_per_s, effects):
     c = np.array([effects.get(name, 0.0) for name in NAMES])
     exponents = np.array([EXPONENTS[name] for name in NAMES])
     start = (level_dbm - UW_DBM) / DB
-    _integrate_decay(np.ascontiguousarray(t_s), start, rate_per_s, effects.get("rate_drift", 0.0), c, exponents, out)
+    _integrate_log_power(
+        np.ascontiguousarray(t_s), start, rate_per_s, effects.get("rate_drift", 0.0), c, exponents, out
+    )
     second, added = effects.get("second_mode", 0.0), effects.get("added_power", 0.0)
     if second or added:
         p = np.exp(out)
@@ -100,9 +102,9 @@ def _decay_laws(power_uw, rate):
     def force(name, n, words):
         half = 2 * (n - 1)
         unit = "1/(s uW)" if n == 2 else f"1/(s uW^{n - 1:g})" if n > 1 else "uW^0.5/s"
-        text = f"{words}: dP/dt = -c P^{n:g}; force with power {half + 1:g} of the amplitude"
+        law_text = f"{words}: dP/dt = -c P^{n:g}; force with power {half + 1:g} of the amplitude"
         page = "docs/measured_resonators.md" if name == "damping_quintic" else f"docs/effects/{name}.md"
-        return Law(name, "force_x", text, unit, float(rate * power_uw ** (1 - n)), 1, page=page)
+        return Law(name, "force_x", law_text, unit, float(rate * power_uw ** (1 - n)), 1, page=page)
 
     return (
         force("damping_cubic", 2.0, "damping that grows with the square of the amplitude, F = -d x^2 vx"),
@@ -174,8 +176,8 @@ def _select_decay(trace, background_dbm):
     while True:
         fall = p[a] - p[b - 1] if b > a else 0.0
         if b - a < FEWEST or fall < LEAST_DB:
-            text = f"{b - a} samples decay by {fall:.1f} dB, {FEWEST} samples and {LEAST_DB:g} dB wanted"
-            raise FileError(f"{trace.path}: {text}")
+            shortfall_text = f"{b - a} samples decay by {fall:.1f} dB, {FEWEST} samples and {LEAST_DB:g} dB wanted"
+            raise FileError(f"{trace.path}: {shortfall_text}")
         its = noise(t[a:b], p[a:b])
         if its is None:
             raise FileError(f"{trace.path}: the decay has no noise above {LEAST_NOISE_DB:g} dB; measured power wanted")
@@ -190,7 +192,7 @@ def _until(a, b, too_low):
     return a + int(np.argmax(too_low)) if np.any(too_low) else b
 
 
-def trace_piece(trace, fitted, background_dbm=None):
+def piece_from_trace(trace, fitted, background_dbm=None):
     """`Piece` of a run, and notes on what was left out."""
     t, p = trace.x, trace.power_dbm
     a, b, its = _select_decay(trace, background_dbm)
@@ -227,7 +229,7 @@ def problem(traces):
     if level is not None:
         notes.append(f"background beside the decay: {level:.1f} dBm")
     if len(traces) == 1:
-        piece, piece_notes = trace_piece(traces[0], False, level)
+        piece, piece_notes = piece_from_trace(traces[0], False, level)
         notes += piece_notes
         pieces = [
             piece._replace(name=piece.name + "_even", role="fit", scored=piece.setup),
@@ -235,7 +237,7 @@ def problem(traces):
         ]
     else:
         for k, trace in enumerate(traces):
-            piece, piece_notes = trace_piece(trace, k % 2 == 0, level)
+            piece, piece_notes = piece_from_trace(trace, k % 2 == 0, level)
             pieces.append(piece)
             notes += piece_notes
     nuisances = []
@@ -247,17 +249,19 @@ def problem(traces):
     rate = np.exp(np.median([n.value for n in nuisances[1::2]]))
     power = 10 ** ((np.median([p.rows[0] for p in pieces]) - UW_DBM) / 10)
     hashes = {f"record_{i + 1}": file_sha256(trace.path) for i, trace in enumerate(traces)}
-    ringdown = Ringdown(f"ring-down {traces[0].sample}", nuisances, _decay_laws(power, rate), pieces, hashes, notes)
-    ringdown.heldout_independent = len(traces) > 1
+    ringdown_problem = Ringdown(
+        f"ring-down {traces[0].sample}", nuisances, _decay_laws(power, rate), pieces, hashes, notes
+    )
+    ringdown_problem.heldout_independent = len(traces) > 1
     f = traces[0].frequency_hz if np.isfinite(traces[0].frequency_hz) else 1.0
     largest = max(10 ** ((piece.rows[0] - UW_DBM) / 10) for piece in pieces)
-    ringdown.working = Working("ringdown", float(np.sqrt(largest)), f, float(2 * np.pi * f / rate))
-    return ringdown
+    ringdown_problem.working = Working("ringdown", float(np.sqrt(largest)), f, float(2 * np.pi * f / rate))
+    return ringdown_problem
 
 
 def load(paths):
     """`ringdown_text.Trace`s of the files that are ring-downs."""
-    return [trace for _, trace in load_recognised(paths, ringdown_text) if trace.kind == "ringdown"]
+    return [trace for _, trace in load_matching_files(paths, ringdown_text) if trace.kind == "ringdown"]
 
 
 def jobs(paths):

@@ -20,20 +20,24 @@ FLAT = 3.0  # an end that takes so many times as long as the same fall before it
 HEAD, CORNERS = 8, 200  # fall in which the corner is looked for, in rises, and places
 SURE = 25.0  # of chi2, by which a later corner may be worse: five sigmas of its place
 STILL = 0.3  # of the first half's fall: an end of a record that falls less is at its background
-TAIL, SAMPLES_AFTER, SAMPLES_BEFORE = 5, 30, 60  # share of a record that is its end; samples that a background needs
+TAIL, LEAST_SAMPLES_AFTER, LEAST_SAMPLES_BEFORE = (
+    5,
+    30,
+    60,
+)  # share of a record that is its end; samples that a background needs
 KNOTS = 8  # of the smooth curve
 LEAST_NOISE_DB = 1e-6
 DB = 10.0 / np.log(10.0)
 
 
-def median_width(p):
+def median_filter_width(p):
     """Samples of the running median."""
     return max(NARROW, len(p) // SHARE) | 1
 
 
 def running_median(p):
     """Running median: dips of a background that fades go, steps stay."""
-    return median_filter(p, median_width(p), mode="nearest")
+    return median_filter(p, median_filter_width(p), mode="nearest")
 
 
 def _rise(smooth, width):
@@ -53,16 +57,16 @@ def _rise(smooth, width):
 
 def jumps(p):
     """Places at which the power jumps by JUMP_DB from one sample to the next, and stays there."""
-    smooth, width = running_median(p), 3 * median_width(p)
+    smooth, width = running_median(p), 3 * median_filter_width(p)
     at = np.flatnonzero(np.abs(np.diff(smooth)) > JUMP_DB) + 1
-    steps_db = [abs(np.median(p[i : i + width]) - np.median(p[max(i - width, 0) : i])) for i in at]
-    return at[np.array(steps_db) > JUMP_DB] if len(at) else at
+    jump_sizes_db = [abs(np.median(p[i : i + width]) - np.median(p[max(i - width, 0) : i])) for i in at]
+    return at[np.array(jump_sizes_db) > JUMP_DB] if len(at) else at
 
 
 def stretch(p):
     """(first, end) of the decay; (0, 0) if nothing falls."""
     smooth, best, first, least = running_median(p), (0.0, 0, 0), 0, 0
-    rise = _rise(smooth, median_width(p))
+    rise = _rise(smooth, median_filter_width(p))
     jump_rows = set(jumps(p).tolist())
     for i in range(1, len(p)):
         if i in jump_rows or smooth[i] > smooth[least] + rise[i]:
@@ -84,34 +88,38 @@ def stretch(p):
 def _corner(p):
     """Samples that may stand at one level before a straight fall begins: the latest corner that is not worse."""
     k, costs = np.arange(len(p), dtype=float), []
-    corners = np.unique(np.linspace(0, len(p) - NARROW // 2, CORNERS).astype(int))
-    for at in corners:
+    corner_rows = np.unique(np.linspace(0, len(p) - NARROW // 2, CORNERS).astype(int))
+    for at in corner_rows:
         a = np.column_stack([np.ones(len(p)), np.maximum(k - at, 0.0)])
         residual = p - a @ np.linalg.lstsq(a, p, rcond=None)[0]
         costs.append(float(residual @ residual))
-    return int(corners[np.flatnonzero(np.array(costs) <= min(costs) * (1 + SURE / len(p)))[-1]])
+    return int(corner_rows[np.flatnonzero(np.array(costs) <= min(costs) * (1 + SURE / len(p)))[-1]])
 
 
 def background(p):
     """Power (dBm) that stands in a record beside its decay: behind it up to a jump, or before it; None if neither does.
 
-    What is short (SAMPLES_AFTER samples behind, SAMPLES_BEFORE before, where an earlier decay may still
+    What is short (LEAST_SAMPLES_AFTER samples behind, LEAST_SAMPLES_BEFORE before, where an earlier decay may still
     ring) or still falls is none.
     """
     smooth, (a, b) = running_median(p), stretch(p)
-    if b - a < SAMPLES_AFTER:
+    if b - a < LEAST_SAMPLES_AFTER:
         return None
     ends = jumps(p)
     last = next((int(e) for e in ends if e >= b + 5), len(p))
     first = next((int(e) for e in ends if e < a), 0)
-    pieces, after, tail = [], p[b + 5 : last], p[max(a, last - max((last - a) // TAIL, SAMPLES_AFTER)) : last]
+    pieces, samples_after, tail = (
+        [],
+        p[b + 5 : last],
+        p[max(a, last - max((last - a) // TAIL, LEAST_SAMPLES_AFTER)) : last],
+    )
     half = a + int(np.argmax(smooth[a:b] < (smooth[a] + smooth[b - 1]) / 2))
     usual = (smooth[a] - smooth[half]) / max(half - a, 1) * len(tail) / 2
-    if len(after) >= SAMPLES_AFTER and abs(_fall(after)) < JUMP_DB:
-        pieces.append(after)
+    if len(samples_after) >= LEAST_SAMPLES_AFTER and abs(_fall(samples_after)) < JUMP_DB:
+        pieces.append(samples_after)
     elif _fall(tail) < STILL * usual:
         pieces.append(p[a + int(np.argmax(smooth[a:last] < np.median(tail) + JUMP_DB / 2)) : last])
-    if first >= SAMPLES_BEFORE and abs(_fall(p[:first])) < JUMP_DB:
+    if first >= LEAST_SAMPLES_BEFORE and abs(_fall(p[:first])) < JUMP_DB:
         pieces.append(p[:first])
     return min((float(10 * np.log10(np.mean(10 ** (piece / 10)))) for piece in pieces), default=None)
 

@@ -50,24 +50,26 @@ def fit(columns_of, piece, s, used, q, scales, law=""):
         c = np.linalg.lstsq(columns[used], s[used], rcond=None)[0]
         return c, columns[used] @ c - s[used]
 
-    def residual(u):
-        misfit = solve(q + (u - FROM) * scales)[1]
-        misfit = np.where(np.isfinite(misfit), misfit, 1e3)
-        return np.concatenate([misfit.real, misfit.imag])
+    def residual_function(u):
+        complex_residual = solve(q + (u - FROM) * scales)[1]
+        complex_residual = np.where(np.isfinite(complex_residual), complex_residual, 1e3)
+        return np.concatenate([complex_residual.real, complex_residual.imag])
 
-    solution = least_squares(residual, np.full(len(q), FROM), diff_step=1e-6, xtol=1e-10, ftol=1e-12, max_nfev=60)
+    solution = least_squares(
+        residual_function, np.full(len(q), FROM), diff_step=1e-6, xtol=1e-10, ftol=1e-12, max_nfev=60
+    )
     v = q + (solution.x - FROM) * scales
-    c, misfit = solve(v)
-    return v, c, misfit, solution.jac / scales
+    c, complex_residual = solve(v)
+    return v, c, complex_residual, solution.jac / scales
 
 
 def tangents(columns_of, piece, q, linear):
     """Orthonormal columns (n, .) of what the first mode alone can do, to first order."""
     g = float(np.exp(q[1]))
     now, _ = columns_of(piece, q, {})
-    shifts = [(q + np.array([1e-4 * g, 0.0]), {}), (q + np.array([0.0, 1e-4]), {})]
+    shifted_points = [(q + np.array([1e-4 * g, 0.0]), {}), (q + np.array([0.0, 1e-4]), {})]
     laws = [{"duffing": 1e-4 * g}, {"damping_cubic": 1e-4 * g}, {"sweep_rate": 0.1 * g}, {"sweep_rate": g}]
-    bent = [columns_of(piece, *at)[0][:, 0] - now[:, 0] for at in (*shifts, *((q, law) for law in laws))]
+    bent = [columns_of(piece, *at)[0][:, 0] - now[:, 0] for at in (*shifted_points, *((q, law) for law in laws))]
     table = np.column_stack([now, *bent])
     return table / np.maximum(np.linalg.norm(table, axis=0), 1e-300)
 
@@ -77,20 +79,20 @@ def search(columns_of, piece, q, used, table, residual, sd, rng):
     f = piece.data.f_hz
     base = np.linalg.qr(table[used])[0]
     noise = sd * (rng.normal(size=(len(used), DRAWS)) + 1j * rng.normal(size=(len(used), DRAWS)))
-    samples = np.column_stack([residual, noise])
-    samples = samples - base @ (base.conj().T @ samples)
+    residual_and_noise = np.column_stack([residual, noise])
+    residual_and_noise = residual_and_noise - base @ (base.conj().T @ residual_and_noise)
     step, span = f[1] - f[0], f[-1] - f[0]
     top, at = np.zeros(DRAWS + 1), (f[0], 1.0)
     for width in np.geomspace(NARROWEST * step, WIDEST * span, WIDTHS):
         g = TWO_PI * width
         for f2 in np.arange(f[0], f[-1], max(width / 2, step / 2)):
             h = columns_of(piece, np.array([*q, f2, np.log(g)]), {})[0][used, -1]
-            full_size = np.linalg.norm(h)
+            unprojected_norm = np.linalg.norm(h)
             h = h - base @ (base.conj().T @ h)
             size = np.linalg.norm(h)
-            if size < 1e-3 * full_size:
+            if size < 1e-3 * unprojected_norm:
                 continue
-            t = np.abs(h.conj() @ samples) ** 2 / (2 * sd**2 * size**2)
+            t = np.abs(h.conj() @ residual_and_noise) ** 2 / (2 * sd**2 * size**2)
             at = (f2, g) if t[0] > top[0] else at
             top = np.maximum(top, t)
     return float(top[0]), float(np.mean(top[1:]) - np.euler_gamma - np.log(ALPHA)), *at
@@ -102,17 +104,21 @@ def choose(columns_of, piece, s, used, q, sd):
     scales = np.array([step, 0.1])
     q, linear, single, _ = fit(columns_of, piece, s, used, np.array(q), scales)
     rng = np.random.default_rng(0)
-    largest, limit, f2, g2 = search(
+    largest_statistic, limit, f2, g2 = search(
         columns_of, piece, q, used, tangents(columns_of, piece, q, linear), -single, sd, rng
     )
-    if not largest > limit:
+    if not largest_statistic > limit:
         return None
     start = np.array([*q, f2, np.log(g2)])
-    both, linear, residual, jacobian = fit(columns_of, piece, s, used, start, np.tile(scales, 2))
-    power = float(np.sum(np.abs(residual) ** 2)) / 2  # of one part
+    both, linear, two_mode_residual, jacobian = fit(columns_of, piece, s, used, start, np.tile(scales, 2))
+    power = float(np.sum(np.abs(two_mode_residual) ** 2)) / 2  # of one part
     variance = max(sd**2, power / (len(used) - 4.5))
     f = piece.data.f_hz
-    if power > (AT_FLOOR * sd) ** 2 * len(used) or not f[0] <= both[2] <= f[-1] or largest * sd**2 < limit * variance:
+    if (
+        power > (AT_FLOOR * sd) ** 2 * len(used)
+        or not f[0] <= both[2] <= f[-1]
+        or largest_statistic * sd**2 < limit * variance
+    ):
         return None
     g = float(np.exp(q[1]))
     for law, begin in (("sweep_rate", 0.1 * g), ("sweep_rate", g), ("duffing", 0.0), ("damping_cubic", 0.0)):
@@ -121,4 +127,6 @@ def choose(columns_of, piece, s, used, q, sd):
         if np.sum(np.abs(other) ** 2) / 2 < power + limit * variance:
             return None
     covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * variance
-    return Second(float(both[2]), float(both[3]), both, linear, tuple(np.sqrt(np.diag(covariance))[2:]), largest, limit)
+    return Second(
+        float(both[2]), float(both[3]), both, linear, tuple(np.sqrt(np.diag(covariance))[2:]), largest_statistic, limit
+    )

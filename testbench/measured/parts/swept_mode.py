@@ -26,7 +26,7 @@ SLOWEST = 1e-9  # points per s: below, the mode is always settled
 LN_G2_SD = 0.3
 TWO_PI = 2 * np.pi
 PATH = ("b0", "b1", "b2")
-PEAK_BAND_HZ = 1000.0  # of a peak, in the test of where the rest is
+PEAK_HALF_BAND_HZ = 1000.0  # of a peak, in the test of where the rest is
 SPACINGS = 200
 NUDGES = ((0.0, 0.0, 0.0), (1e-3, 0.0, 0.0), (0.0, 1e-4, 0.0), (0.0, 0.0, 1e-3))  # f0 (Hz), ln g, points per s
 BINS = 4  # of a step, in the test of any waveform
@@ -71,13 +71,13 @@ def _envelope(f, f0, g, dwell, wait, kick, stiff, damp, substeps, out):
 
 
 @kernel
-def _waveforms(f, shift_hz, f0, g, dwell, bins, out):
+def _waveforms(f, frequency_shift_hz, f0, g, dwell, bins, out):
     """Column j bins + k: source on in bin j of each step alone, receiver in bin k alone; shift_hz: of f0."""
     h = dwell / bins
     for j in range(bins):
         a = 0.0j
         for n in range(len(f)):
-            rate = g / 2 + 1j * TWO_PI * (f[n] - f0 - shift_hz[n])
+            rate = g / 2 + 1j * TWO_PI * (f[n] - f0 - frequency_shift_hz[n])
             e = np.exp(-rate * h)
             for k in range(bins):
                 still = 1.0 / rate if j == k else 0.0j
@@ -150,13 +150,13 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         step = complex(effects.get("path_step_re", 0.0), effects.get("path_step_im", 0.0)) * piece.data.step_mask
         return np.column_stack([a, np.ones(len(x)), x, x * x, *other]), step
 
-    def _stack_parts(self, piece, q, linear, effects):
+    def _stack_real_imaginary(self, piece, q, linear, effects):
         columns, step = self.columns(piece, q, effects)
         s = columns @ linear + step
         return 1e3 * np.concatenate([s.real, s.imag])
 
     def model(self, piece, values, effects, local):
-        return self._stack_parts(piece, *local, effects)
+        return self._stack_real_imaginary(piece, *local, effects)
 
     def abscissa(self, piece):
         f = piece.data.f_hz - piece.data.f_hz[0]
@@ -168,26 +168,27 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         n = len(residual) // 2
         f = piece.data.f_hz[piece.scored[:n]] - piece.data.f_hz[0] - self.offset(piece, values, laws)
         power = residual[:n] ** 2 + residual[n:] ** 2
-        peak_rows, rate = np.abs(f) < PEAK_BAND_HZ, float(laws.get("sweep_rate", 0.0))
-        measures = {"near_hz": PEAK_BAND_HZ, "near_power": float(power[peak_rows].sum() / power.sum())}
-        measures["near_rows"] = float(peak_rows.mean())
-        words = f"{100 * measures['near_power']:.0f} % of its power within {PEAK_BAND_HZ / 1e3:g} kHz of the peak, in "
-        words += f"{100 * measures['near_rows']:.0f} % of the rows"
+        in_peak_band, rate = np.abs(f) < PEAK_HALF_BAND_HZ, float(laws.get("sweep_rate", 0.0))
+        residual_measures = {"near_hz": PEAK_HALF_BAND_HZ, "near_power": float(power[in_peak_band].sum() / power.sum())}
+        residual_measures["near_rows"] = float(in_peak_band.mean())
+        words = f"{100 * residual_measures['near_power']:.0f} % of its power "
+        words += f"within {PEAK_HALF_BAND_HZ / 1e3:g} kHz of the peak, in "
+        words += f"{100 * residual_measures['near_rows']:.0f} % of the rows"
         response = 1e3 * self.response(piece, values, laws)[piece.scored[:n]]
         share, p, phase = across(residual[:n] + 1j * residual[n:], response)
-        measures |= {"across": share, "across_p": p, "phase_mrad": 1e3 * phase}
+        residual_measures |= {"across": share, "across_p": p, "phase_mrad": 1e3 * phase}
         words += f"; where the response is strong {100 * share:.0f} % of it lies across it (chance: half; p {p:.2g})"
         words += f", its phase is off by {1e3 * phase:.1f} mrad rms" if p < 0.05 else ""
         if rate > 0:
-            measures["any_waveform"] = best = self.any_waveform(piece, values, laws)
+            residual_measures["any_waveform"] = best = self.any_waveform(piece, values, laws)
             words += "; any waveform of source and receiver, the same in each step and fitted to this very sweep, "
             words += f"leaves {best:.3g}e-3, {best / piece.floor:.2g} times the noise: it changes from step to step"
         if rate > 0 and np.ptp(f) > 5 * rate:
             ratio, p = images(f, power, rate)
-            measures |= {"images_ratio": ratio, "images_p": p, "images_hz": rate}
+            residual_measures |= {"images_ratio": ratio, "images_p": p, "images_hz": rate}
             images_text = "images of the peak there" if p < 0.05 else "no images of it there"
             words += f"; every {rate:.0f} Hz from it {ratio:.2f} times the power beside (p {p:.2g}): {images_text}"
-        return measures | {"words": words}
+        return residual_measures | {"words": words}
 
     def offset(self, piece, values, laws):
         """Hz of the peak above the first row of a piece."""
@@ -219,8 +220,8 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
             columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
             c = np.linalg.lstsq(columns, mine, rcond=None)[0]
             factor = abs(c[0]) / np.linalg.norm(y[0])
-            residual = (mine - columns @ c)[piece.scored[: len(piece.scored) // 2]]
-            out[piece.name] = float(np.sqrt(np.mean(np.abs(residual) ** 2) / 2 / (1 + factor**2)))
+            unshared_residual = (mine - columns @ c)[piece.scored[: len(piece.scored) // 2]]
+            out[piece.name] = float(np.sqrt(np.mean(np.abs(unshared_residual) ** 2) / 2 / (1 + factor**2)))
         return out
 
     def any_waveform(self, piece, values, laws):
@@ -232,9 +233,9 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         f0, ln_g, other = q[0], q[1], self.columns(piece, q, laws)[0][:, 4:]
         f, x, rate = piece.data.f_hz, piece.data.x, laws["sweep_rate"]
         size = np.abs(self.response(piece, values, laws) / linear[0]) ** 2
-        shift_hz = laws.get("duffing", 0.0) * size
+        frequency_shift_hz = laws.get("duffing", 0.0) * size
         columns = np.empty((len(f), BINS * BINS), complex)
-        _waveforms(f, shift_hz, f0, float(np.exp(ln_g)), 1.0 / rate, BINS, columns)
+        _waveforms(f, frequency_shift_hz, f0, float(np.exp(ln_g)), 1.0 / rate, BINS, columns)
         at = [envelope(f, f0 + a, float(np.exp(ln_g + b)), laws | {"sweep_rate": rate + c}) for a, b, c in NUDGES]
         bent = [other - at[0] for other in at[1:]]
         columns = np.column_stack([columns, np.ones(len(x)), x, x * x, piece.data.step_mask, other, *bent])
@@ -261,8 +262,8 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         half = len(piece.rows) // 2
         used = piece.setup[piece.setup < half]
         s = 1e-3 * (piece.rows[:half] + 1j * piece.rows[half:])
-        separation = () if self.second is None else (self.second.f_hz - self.second.q[0], self.second.ln_g)
-        return locate_mode(self.columns, piece, s, used, effects, separation)
+        second_mode_start = () if self.second is None else (self.second.f_hz - self.second.q[0], self.second.ln_g)
+        return locate_mode(self.columns, piece, s, used, effects, second_mode_start)
 
 
 def _complex(rows):
@@ -301,35 +302,38 @@ def images(f_hz, power, rate_hz):
         at, away = np.abs(phase) < 0.1, np.abs(f_hz) > spacing / 2
         return local[at & away].mean() / local[~at & away].mean()
 
-    spacings = np.exp(np.linspace(np.log(0.5), np.log(2.0), SPACINGS))
-    spacings = rate_hz * spacings[np.abs(spacings - 1) > 0.05]
-    observed = ratio(rate_hz)
-    count = sum(ratio(spacing) >= observed for spacing in spacings)
-    return float(observed), float((count + 1) / (len(spacings) + 1))
+    trial_spacings = np.exp(np.linspace(np.log(0.5), np.log(2.0), SPACINGS))
+    trial_spacings = rate_hz * trial_spacings[np.abs(trial_spacings - 1) > 0.05]
+    observed_ratio = ratio(rate_hz)
+    count = sum(ratio(spacing) >= observed_ratio for spacing in trial_spacings)
+    return float(observed_ratio), float((count + 1) / (len(trial_spacings) + 1))
 
 
-def locate_mode(columns_of, piece, s, used, effects, separation=()):
+def locate_mode(columns_of, piece, s, used, effects, second_mode_start=()):
     """((f0, ln g, ..), linear unknowns) that fit s at `used`, from the quasi-static peak.
 
-    separation   Hz of a second mode from the first, and ln of its g: where its own two unknowns start, and are drawn
-                 to weakly (one width, LN_G2_SD), so that a weak one stays
+    second_mode_start   Hz of a second mode from the first, and ln of its g: where its own two unknowns start,
+                        and are drawn to weakly (one width, LN_G2_SD), so that a weak one stays
     """
     f = piece.data.f_hz
 
     def solve(q):
         columns, step = columns_of(piece, q, effects)
         c = np.linalg.lstsq(columns[used], (s - step)[used], rcond=None)[0]
-        misfit = (columns[used] @ c) - (s - step)[used]
-        return c, misfit
+        complex_residual = (columns[used] @ c) - (s - step)[used]
+        return c, complex_residual
 
-    def residual(q):
-        _, misfit = solve(q)
-        if not np.all(np.isfinite(misfit)):
-            return np.full(2 * len(used) + len(separation), 1e3)
-        rows = 1e3 * np.concatenate([misfit.real, misfit.imag])
-        if not separation:
+    def residual_function(q):
+        _, complex_residual = solve(q)
+        if not np.all(np.isfinite(complex_residual)):
+            return np.full(2 * len(used) + len(second_mode_start), 1e3)
+        rows = 1e3 * np.concatenate([complex_residual.real, complex_residual.imag])
+        if not second_mode_start:
             return rows
-        drawn = (q[2] - q[0] - separation[0]) / (np.exp(separation[1]) / TWO_PI), (q[3] - separation[1]) / LN_G2_SD
+        drawn = (
+            (q[2] - q[0] - second_mode_start[0]) / (np.exp(second_mode_start[1]) / TWO_PI),
+            (q[3] - second_mode_start[1]) / LN_G2_SD,
+        )
         return np.concatenate([rows, piece.floor * np.array(drawn)])
 
     edge = np.linspace(s[0], s[-1], len(s))
@@ -340,12 +344,12 @@ def locate_mode(columns_of, piece, s, used, effects, separation=()):
     for shift in (0.0, -0.6 * spread, -1.2 * spread):
         for width in (2 * step_hz, 10 * step_hz, 40 * step_hz):
             q = [peak + shift, np.log(TWO_PI * width)]
-            q += [q[0] + separation[0], separation[1]] if separation else []
-            value = np.sum(residual(q) ** 2)
+            q += [q[0] + second_mode_start[0], second_mode_start[1]] if second_mode_start else []
+            value = np.sum(residual_function(q) ** 2)
             if best is None or value < best[0]:
                 best = (value, q)
     solution = least_squares(
-        residual,
+        residual_function,
         best[1],
         x_scale=[step_hz, 0.1] * (len(best[1]) // 2),
         diff_step=[1e-10, 1e-7] * (len(best[1]) // 2),

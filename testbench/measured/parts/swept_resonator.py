@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from testbench.errors import FileError
-from testbench.measured.formats import load_recognised, touchstone
+from testbench.measured.formats import load_matching_files, touchstone
 from testbench.measured.models.row_noise import Noise
 from testbench.measured.models.working import Working
 from testbench.measured.parts import second_mode
@@ -32,16 +32,16 @@ def window(s, f):
     peaks, _ = find_peaks(size, height=max(60 * smooth, 0.03 * size.max()))
     main = int(np.argmax(size))
     ring_points = 250  # points that one response may ring over before another peak is another mode
-    lower_peak = max([p for p in peaks if p < main - ring_points], default=None)
-    upper_peak = None
+    lower_neighbour_peak = max([p for p in peaks if p < main - ring_points], default=None)
+    upper_neighbour_peak = None
     level = size[main]
     for p in peaks:
         quiet = size[max(p - 30, 0) : p - 8] if p > 40 else size[:8]
         if p > main + ring_points and size[p] > max(2 * np.median(quiet), 0.05 * level):
-            upper_peak = int(p)
+            upper_neighbour_peak = int(p)
             break
-    a = 0 if lower_peak is None else (main + int(lower_peak)) // 2
-    b = len(f) if upper_peak is None else (main + upper_peak) // 2
+    a = 0 if lower_neighbour_peak is None else (main + int(lower_neighbour_peak)) // 2
+    b = len(f) if upper_neighbour_peak is None else (main + upper_neighbour_peak) // 2
     return max(a, main - WIDEST // 3), min(b, main + 2 * WIDEST // 3)
 
 
@@ -59,7 +59,7 @@ def noise_sd(s):
     return float(np.sqrt(np.mean(quiet**2) / 2) * np.sqrt(1.0 / 0.30685))  # mean of the lower half of an exponential
 
 
-def _sweep_piece(sweep, number, role):
+def _piece_from_sweep(sweep, number, role):
     if "s21" not in sweep.s:
         raise FileError(f"{sweep.path}: one port; S21 wanted")
     s, f = sweep.s["s21"], sweep.frequency_hz
@@ -99,7 +99,7 @@ def problem(sweeps):
     sweeps = sorted(sweeps, key=lambda s: (s.comments[-1:], file_sha256(s.path)))
     pieces, notes = [], []
     for k, sweep in enumerate(sweeps):
-        piece, piece_notes = _sweep_piece(sweep, k + 1, "fit" if k == 0 else "validate")
+        piece, piece_notes = _piece_from_sweep(sweep, k + 1, "fit" if k == 0 else "validate")
         pieces.append(piece)
         notes += piece_notes
     first = pieces[0]
@@ -113,10 +113,10 @@ def problem(sweeps):
         ]
     n = len(first.data.f_hz)
     s = 1e-3 * (first.rows[:n] + 1j * first.rows[n:])
-    resonator = SweptResonator("swept resonator", (), (), pieces, {}, notes)
-    (f0, ln_g), linear = locate_mode(resonator.columns, first, s, np.arange(n), {})
+    resonator_problem = SweptResonator("swept resonator", (), (), pieces, {}, notes)
+    (f0, ln_g), linear = locate_mode(resonator_problem.columns, first, s, np.arange(n), {})
     fitted = pieces[0].scored[pieces[0].scored < n]
-    second = second_mode.choose(resonator.columns, first, s, fitted, (f0, ln_g), 1e-3 * first.floor)
+    second = second_mode.choose(resonator_problem.columns, first, s, fitted, (f0, ln_g), 1e-3 * first.floor)
     if second:
         (f0, ln_g), linear = second.q[:2], second.linear
         notes.append(second.words())
@@ -127,8 +127,8 @@ def problem(sweeps):
         Nuisance("ln_g_1", "1", float(ln_g), 3.0, 1e-5),
     ]
     if second:
-        offset_hz = float(second.f_hz - first.data.f_hz[0])
-        nuisances.append(Nuisance("f2_1", "Hz", offset_hz, 400 * spacing, 1e-3 * spacing))
+        second_offset_hz = float(second.f_hz - first.data.f_hz[0])
+        nuisances.append(Nuisance("f2_1", "Hz", second_offset_hz, 400 * spacing, 1e-3 * spacing))
         nuisances.append(Nuisance("ln_g2_1", "1", second.ln_g, 3.0, 1e-5))
     for name, value in zip(("k", *PATH, "k2"), linear):
         for part, v in (("re", value.real), ("im", value.imag)):
@@ -136,18 +136,18 @@ def problem(sweeps):
     has_steps = any(np.any(np.diff(p.data.step_mask)) for p in pieces)
     laws = sweep_laws(has_steps, float(np.exp(ln_g)), float(np.exp(ln_g)) / TWO_PI, level)
     hashes = {f"record_{k + 1}": file_sha256(sweep.path) for k, sweep in enumerate(sweeps)}
-    resonator = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)
-    resonator.heldout_independent, resonator.second = len(sweeps) > 1, second
-    resonator.working = Working("swept", level, float(f0), TWO_PI * float(f0 / np.exp(ln_g)))
-    return resonator
+    resonator_problem = SweptResonator("swept resonator", nuisances, laws, pieces, hashes, notes)
+    resonator_problem.heldout_independent, resonator_problem.second = len(sweeps) > 1, second
+    resonator_problem.working = Working("swept", level, float(f0), TWO_PI * float(f0 / np.exp(ln_g)))
+    return resonator_problem
 
 
 def load(paths):
     """`touchstone.Sweep`s of the files that are such sweeps."""
-    return [sweep for _, sweep in load_recognised(paths, touchstone)]
+    return [sweep for _, sweep in load_matching_files(paths, touchstone)]
 
 
-def _is_disjoint(a, b):
+def _has_little_overlap(a, b):
     """True if two sweeps share less than half of the shorter one's span."""
     (a0, a1), (b0, b1) = ((s.frequency_hz[0], s.frequency_hz[-1]) for s in (a, b))
     return min(a1, b1) - max(a0, b0) < 0.5 * min(a1 - a0, b1 - b0)
@@ -158,7 +158,7 @@ def jobs(paths):
     groups = []
     for sweep in load(paths):
         for group in groups:
-            if not _is_disjoint(group[0], sweep):
+            if not _has_little_overlap(group[0], sweep):
                 group.append(sweep)
                 break
         else:
@@ -173,6 +173,6 @@ def opener(paths, options):
     if not sweeps or len(sweeps) != len(paths):
         return None
     for sweep in sweeps[1:]:
-        if _is_disjoint(sweeps[0], sweep):
+        if _has_little_overlap(sweeps[0], sweep):
             raise FileError(f"{sweep.path}: other frequencies than {sweeps[0].path}; sweeps of one peak wanted")
     return problem(sweeps)

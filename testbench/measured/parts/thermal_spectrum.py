@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import wofz
 
 from testbench.errors import FileError
-from testbench.measured.formats import load_recognised, ringdown_text
+from testbench.measured.formats import load_matching_files, ringdown_text
 from testbench.measured.models.row_noise import Noise, neighbours, turns
 from testbench.measured.models.working import Working
 from testbench.measured.parts.part import Part, Piece
@@ -62,9 +62,9 @@ def estimate_noise(p):
     def typical(v):
         return np.mean(v**2)
 
-    long_lag = typical((p[2 * LAG :] - 2 * p[LAG:-LAG] + p[: -2 * LAG]) / np.sqrt(6))
-    short_lag = typical((p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6))
-    return float(np.sqrt(long_lag)), neighbours(short_lag / long_lag)
+    long_lag_variance = typical((p[2 * LAG :] - 2 * p[LAG:-LAG] + p[: -2 * LAG]) / np.sqrt(6))
+    short_lag_variance = typical((p[2:] - 2 * p[1:-1] + p[:-2]) / np.sqrt(6))
+    return float(np.sqrt(long_lag_variance)), neighbours(short_lag_variance / long_lag_variance)
 
 
 def problem(trace):
@@ -92,17 +92,17 @@ def problem(trace):
         Nuisance("ln_w", "1", float(np.log(width)), 1.0, 1e-5),
         Nuisance("background", "dBm", float(np.min(smooth)) - 3.0, 6.0, 1e-3),
     )
-    spectrum = ThermalSpectrum(
+    spectrum_problem = ThermalSpectrum(
         f"thermal spectrum {trace.sample}", nuisances, LAWS, pieces, {"record": file_sha256(trace.path)}, ()
     )
-    spectrum.heldout_independent = False
-    spectrum.f_ref_hz = float(f[at])
-    spectrum.working = Working("spectrum", 0.0, float(f[at]), float(f[at] / (2 * width)))
-    return spectrum
+    spectrum_problem.heldout_independent = False
+    spectrum_problem.f_ref_hz = float(f[at])
+    spectrum_problem.working = Working("spectrum", 0.0, float(f[at]), float(f[at] / (2 * width)))
+    return spectrum_problem
 
 
 def _load_spectra(paths):
-    return [(path, trace) for path, trace in load_recognised(paths, ringdown_text) if trace.kind == "spectrum"]
+    return [(path, trace) for path, trace in load_matching_files(paths, ringdown_text) if trace.kind == "spectrum"]
 
 
 def jobs(paths):
@@ -112,5 +112,5 @@ def jobs(paths):
 
 def opener(paths, options):
     """`Problem` of one spectrum; None if the file is another."""
-    spectra = _load_spectra(paths)
-    return problem(spectra[0][1]) if len(paths) == 1 and spectra else None
+    spectrum_traces = _load_spectra(paths)
+    return problem(spectrum_traces[0][1]) if len(paths) == 1 and spectrum_traces else None

@@ -28,10 +28,10 @@ def rising_order(sheet, strictly, correct):
         return None, ()
     if np.all(step < 0) or (not strictly and np.all(step <= 0)):
         words = f"{axis.name} falls in every row"
-        reversal = finding(sheet, "reversed", axis.name, None, words, CORRECT if correct else None)
+        reversal_finding = finding(sheet, "reversed", axis.name, None, words, CORRECT if correct else None)
         if not correct:
-            raise QualityError([reversal])
-        return np.arange(sheet.rows)[::-1], (reversal,)
+            raise QualityError([reversal_finding])
+        return np.arange(sheet.rows)[::-1], (reversal_finding,)
     back = np.flatnonzero(step < 0) + 1
     if len(back) and np.all(np.diff(other.values) >= 0) and np.ptp(other.values) > 0:
         words = f"{axis.name} falls and {other.name} rises in every row"
@@ -46,7 +46,7 @@ def rising_order(sheet, strictly, correct):
     raise QualityError([finding(sheet, "stuck", axis.name, still, f"{axis.name} stands still while other rows move")])
 
 
-def _reversed_ringdown(sheet):
+def _check_reversed_ringdown(sheet):
     p = sheet.column("power").values
     span = max(len(p) // 40, 2)
     smooth = np.array([np.median(p[k : k + span]) for k in range(0, len(p) - span + 1, span)])
@@ -58,7 +58,7 @@ def _reversed_ringdown(sheet):
         yield finding(sheet, "reversed", "power", None, f"grows by {rise:.3g} dB and falls by {fall:.3g}: no decay")
 
 
-def _reversed_meters(sheet):
+def _check_reversed_meters(sheet):
     (source,) = sheet.columns_by_role(SETTING)
     for c in sheet.columns_by_role(SIGNAL):
         slope = np.polyfit(source.values, c.values, 1)[0]
@@ -67,13 +67,13 @@ def _reversed_meters(sheet):
             yield finding(sheet, "reversed", c.name, None, "readings run against their source")
 
 
-def _reversed_levels(sheet):
+def _check_reversed_levels(sheet):
     for c in sheet.columns_by_role(SIGNAL):
         if np.polyfit(np.arange(sheet.rows), c.values, 1)[0] < 0:
             yield finding(sheet, "reversed", c.name, None, "volts fall as the code rises")
 
 
-def _reversed_driven(sheet):
+def _check_reversed_driven(sheet):
     u, y = (sheet.column(n).values for n in ("input", "output"))
     _, used = gain(u, y)
     if np.count_nonzero(used) < 16:
@@ -87,8 +87,8 @@ def _reversed_driven(sheet):
         yield finding(sheet, "reversed", "input, output", None, "the output comes before its input")
 
 
-RULES = {"ringdown": _reversed_ringdown, "meters": _reversed_meters}
-RULES |= {"levels": _reversed_levels, "driven": _reversed_driven}
+RULES = {"ringdown": _check_reversed_ringdown, "meters": _check_reversed_meters}
+RULES |= {"levels": _check_reversed_levels, "driven": _check_reversed_driven}
 
 
 def check(sheet):

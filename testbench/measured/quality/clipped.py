@@ -28,7 +28,7 @@ def check(sheet):
     """Findings about the signals of a sheet."""
     for c in sheet.columns_by_role(SIGNAL):
         values = c.unwrapped_values
-        grid, noise = grid_step(values), noise_sd(sheet.order_values(c.course), c.fast)
+        grid, noise = grid_step(values), noise_sd(sheet.reorder_values(c.course), c.fast)
         bin_width = grid if grid > 0.02 * noise else 0.2 * noise
         flat = np.zeros(len(values), bool) if c.fast else flat_rows(values)
         ties = len(values) - len(np.unique(values))

@@ -18,21 +18,23 @@ RATE = 1.5
 SMOOTH = 64  # blocks of levels
 
 
-def _levels_drift(sheets):
+def _check_levels_drift(sheets):
     for a, b in pairwise(sheets):
         for c in b.columns_by_role(SIGNAL):
             other = a.column(c.name)
             if other is None or a.rows != b.rows or a.rows < SMOOTH:
                 continue
             lsb = abs(np.mean(np.diff(c.values)))
-            difference = (c.error - other.error)[: a.rows // SMOOTH * SMOOTH].reshape(SMOOTH, -1).mean(axis=1) / lsb
+            smoothed_difference = (c.error - other.error)[: a.rows // SMOOTH * SMOOTH].reshape(SMOOTH, -1).mean(
+                axis=1
+            ) / lsb
             noise = np.std(np.diff(c.error - other.error)) / np.sqrt(2) / lsb / np.sqrt(a.rows / SMOOTH)
-            worst = float(np.max(np.abs(difference)))
+            worst = float(np.max(np.abs(smoothed_difference)))
             if worst > SESSION_LSB + 5 * noise:
                 yield finding(b, "drift", c.name, None, f"differs from {a.place} by up to {worst:.3g} LSB")
 
 
-def _ringdown_drift(sheets):
+def _check_ringdown_drift(sheets):
     rates = [decay_rate(s.column("time").values, s.column("power").values) for s in sheets]
     for k, (sheet, rate) in enumerate(zip(sheets, rates)):
         usual = np.median([r for j, r in enumerate(rates) if j != k])
@@ -40,7 +42,7 @@ def _ringdown_drift(sheets):
             yield finding(sheet, "drift", "power", None, f"decays at {rate:.3g} 1/s, the other runs at {usual:.3g}")
 
 
-RULES = {"levels": _levels_drift, "ringdown": _ringdown_drift}
+RULES = {"levels": _check_levels_drift, "ringdown": _check_ringdown_drift}
 
 
 def check(sheets):

@@ -34,9 +34,9 @@ def _again(bits, length):
             word = bits[k : k + count, column]
             total += (word ^ (word >> np.uint64(29))) * odd
     order = np.argsort(total, kind="stable")
-    repeated = np.zeros(count, bool)
-    repeated[order[1:]] = total[order[1:]] == total[order[:-1]]
-    return repeated
+    is_repeated = np.zeros(count, bool)
+    is_repeated[order[1:]] = total[order[1:]] == total[order[:-1]]
+    return is_repeated
 
 
 def repeated_rows(columns):
@@ -68,11 +68,15 @@ def check(sheet):
         return
     length = int(np.ceil(np.log(2 * CHANCE / n**2) / np.log(p))) if p < 1 else LONGEST + 1
     if length <= min(LONGEST, n // 4):
-        repeated = _again(bits, max(length, 3))
-        changes = np.concatenate([[0], np.cumsum(np.any(bits[1:] != bits[:-1], axis=1))])
+        is_repeated = _again(bits, max(length, 3))
+        change_counts = np.concatenate([[0], np.cumsum(np.any(bits[1:] != bits[:-1], axis=1))])
         # a flat course is none
-        repeated &= changes[max(length, 3) - 1 :] - changes[: len(repeated)] >= (max(length, 3) - 1) / 2
-        repeated &= ~np.any([still[k : len(still) - max(length, 3) + 1 + k] for k in (0, max(length, 3) - 1)], axis=0)
-        if repeated.any():
-            rows = np.unique(np.flatnonzero(repeated)[:, None] + np.arange(max(length, 3)))
+        is_repeated &= (
+            change_counts[max(length, 3) - 1 :] - change_counts[: len(is_repeated)] >= (max(length, 3) - 1) / 2
+        )
+        is_repeated &= ~np.any(
+            [still[k : len(still) - max(length, 3) + 1 + k] for k in (0, max(length, 3) - 1)], axis=0
+        )
+        if is_repeated.any():
+            rows = np.unique(np.flatnonzero(is_repeated)[:, None] + np.arange(max(length, 3)))
             yield finding(sheet, "duplicated", name, rows, "a block of rows that was there before, to the last bit")

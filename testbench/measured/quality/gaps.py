@@ -40,7 +40,7 @@ def _torn(sheet):
     residual = np.zeros(sheet.rows)
     residual[PAST:] = y[PAST:] - a @ np.linalg.lstsq(a, y[PAST:], rcond=1e-12)[0]
     torn = np.abs(residual) > TORN * largest_expected(sheet.rows) * running_scale(residual)
-    torn_rows = np.flatnonzero(torn)
-    if len(torn_rows) and 1 + np.count_nonzero(np.diff(torn_rows) > PAST) <= FEW:
+    gap_rows = np.flatnonzero(torn)
+    if len(gap_rows) and 1 + np.count_nonzero(np.diff(gap_rows) > PAST) <= FEW:
         words = "the output does not follow from the past of both signals: rows are missing there"
-        yield finding(sheet, "gap", "input, output", torn_rows, words)
+        yield finding(sheet, "gap", "input, output", gap_rows, words)

@@ -30,13 +30,13 @@ def on_a_line(v, x, resolution):
     if np.any(np.diff(v) == 0):  # ties are those of a grid, of one that floats where there is none for all
         tol = np.maximum(tol, 2.5 * local_step(v)[1:-1])
     out = np.zeros(len(v), bool)
-    changed = (np.diff(v)[1:] != 0) & (np.diff(v)[:-1] != 0)
+    has_changed = (np.diff(v)[1:] != 0) & (np.diff(v)[:-1] != 0)
     for weight in _weights(x, len(v)):
         bend = np.abs(v[1:-1] - (1 - weight) * v[:-2] - weight * v[2:])
         # between bends that are not far above the print, on both sides, an exact line says nothing
         before, after = (maximum_filter1d(bend, REACH, origin=o, mode="nearest") for o in (REACH // 2, -(REACH // 2)))
         usable = np.minimum(before, after) > FINE * tol / 2.5
-        exact, other = (bend <= tol) & changed & usable, (bend > tol) & usable
+        exact, other = (bend <= tol) & has_changed & usable, (bend > tol) & usable
         if np.count_nonzero(other) < LEAST_ROWS:
             continue
         chance = np.mean(bend[other] < 3 * tol[other]) / 2  # of falling into a band as wide beside it
@@ -62,25 +62,25 @@ def spacing(parts, step=0.0, far_better=FAR_BETTER):
     size = min(LARGEST, max(SMALLEST, n // 4))
     starts = np.linspace(0, max(n - size, 0), WINDOWS).astype(int)
     windows = (parts[:, a : a + size] for a in starts)
-    spacings = [_spacing(v - v.mean(axis=1, keepdims=True), step, far_better) for v in windows]
-    k = max((j for j in spacings if j), key=spacings.count, default=0)
-    return k if spacings.count(k) >= AGREEING else 0
+    window_spacings = [_spacing(v - v.mean(axis=1, keepdims=True), step, far_better) for v in windows]
+    k = max((j for j in window_spacings if j), key=window_spacings.count, default=0)
+    return k if window_spacings.count(k) >= AGREEING else 0
 
 
 def _spacing(v, step, far_better):
     for k in SPACINGS:
         if v.shape[1] < 26 * k + 40:
             break
-        residuals = np.array([_knot_residual(v, k, phase) for phase in range(k)])
-        best = np.argmin(residuals[:, 0])
-        other_phases = np.median(np.delete(residuals, best, axis=0), axis=0)
-        limit = np.maximum(far_better * other_phases, np.minimum(BETTER * other_phases, 0.6 * step))
-        if other_phases[0] > 1e-9 * np.std(v) and np.all(residuals[best] < limit):
+        residual_quantiles = np.array([_knot_residual_quantiles(v, k, phase) for phase in range(k)])
+        best = np.argmin(residual_quantiles[:, 0])
+        other_quantiles = np.median(np.delete(residual_quantiles, best, axis=0), axis=0)
+        limit = np.maximum(far_better * other_quantiles, np.minimum(BETTER * other_quantiles, 0.6 * step))
+        if other_quantiles[0] > 1e-9 * np.std(v) and np.all(residual_quantiles[best] < limit):
             return k
     return 0
 
 
-def _knot_residual(v, k, phase):
+def _knot_residual_quantiles(v, k, phase):
     """QUANTILES of what rows between the knots phase, phase + k, .. have beside their best prediction from eight."""
     at = np.arange(phase + 3 * k, v.shape[1] - 5 * k, k)
     knots = np.column_stack([v[:, at + j * k].ravel() for j in KNOTS])
@@ -96,7 +96,7 @@ def check(sheet):
         grid = grid_step(c.values)
         courses = [(c.course, None if axis is None else axis.values, None)]
         if sheet.order is not None:
-            courses.append((sheet.order_values(c.course), sheet.order_values(axis.values), sheet.order))
+            courses.append((sheet.reorder_values(c.course), sheet.reorder_values(axis.values), sheet.order))
         for v, x, order in courses:
             mask = on_a_line(v, x, max(grid, c.resolution))
             if mask.any():
@@ -109,7 +109,7 @@ def check(sheet):
                 yield _by_curve(sheet, c.name, k)
                 break
     if sheet.kind == "sweep" and sheet.column("s21"):
-        yield from _response_findings(sheet)
+        yield from _check_response(sheet)
 
 
 def _by_curve(sheet, name, k):
@@ -117,7 +117,7 @@ def _by_curve(sheet, name, k):
     return finding(sheet, "interpolated", name, np.arange(sheet.rows) % k != 0, words)
 
 
-def _response_findings(sheet):
+def _check_response(sheet):
     size, angle, re, im = (sheet.column(n).values for n in ("s21", "s21 angle", "s21 re", "s21 im"))
     k = spacing([re, im], far_better=TOGETHER) or spacing([size / DB_PER_NEPER, np.unwrap(np.radians(angle))])
     if k:

@@ -13,7 +13,7 @@ NOISES = 1.0
 def check(sheet):
     """Findings about the signals of a sheet."""
     for c in sheet.columns_by_role(SIGNAL):
-        step, sd = grid_step(c.values), noise_sd(sheet.order_values(c.course), c.fast)
+        step, sd = grid_step(c.values), noise_sd(sheet.reorder_values(c.course), c.fast)
         if step > NOISES * sd:
             words = f"values in steps of {step:.4g} {c.unit}, coarser than their noise of {sd:.3g}; "
             yield finding(sheet, "quantised", c.name, None, words + f"a floor below {step / 12**0.5:.3g} is not theirs")

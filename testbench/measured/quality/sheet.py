@@ -64,10 +64,10 @@ class Sheet(NamedTuple):
         """The column of a name, or None."""
         return next((c for c in self.columns if c.name == name), None)
 
-    def order_values(self, v):
+    def reorder_values(self, v):
         """Values in the order in which neighbours belong together."""
         return v if self.order is None else v[self.order]
 
     def file_rows(self, rows):
-        """Rows of the file behind rows of `order_values`."""
+        """Rows of the file behind rows of `reorder_values`."""
         return np.asarray(rows) if self.order is None else self.order[rows]

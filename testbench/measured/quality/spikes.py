@@ -22,7 +22,7 @@ from testbench.measured.quality.rows.series import (
 from testbench.measured.quality.sheet import DB_PER_NEPER, SIGNAL
 
 AGREE = 0.5  # of the row's own distance: how far apart its neighbours may be
-ISOLATION = 1 / 3
+ISOLATION_RATIO = 1 / 3
 QUIET_DB = 0.1
 ALIKE = 0.9  # cosine of the rest and of what one row makes of it
 RELATIVE = 1e-6  # of a usual response: the least noise
@@ -32,7 +32,7 @@ FEW = 0.01  # of the levels of a converter, which are averaged in blocks
 def spike_rows(v, fast=False, dips=False):
     """Mask of the rows that stand out."""
     if fast:
-        return _fast_spikes(v)
+        return _fast_spike_mask(v)
     residual = neighbour_residual(v)
     scale = np.maximum(running_scale(residual), rounding_noise(v))
     out = np.abs(residual) > largest_expected(len(v)) * scale
@@ -45,22 +45,22 @@ def spike_rows(v, fast=False, dips=False):
     out[[1, -2]] = False
     out[2:-2] &= flank < AGREE * np.abs(midpoint_residual[2:-2])
     around = np.sort([np.abs(np.roll(midpoint_residual, k)) for k in (-5, -4, -3, -2, 2, 3, 4, 5)], axis=0)
-    out &= around[-2] < ISOLATION * np.abs(midpoint_residual)
+    out &= around[-2] < ISOLATION_RATIO * np.abs(midpoint_residual)
     return out & ~(dips & (midpoint_residual < 0) & (scale > QUIET_DB))
 
 
-def _fast_spikes(v):
+def _fast_spike_mask(v):
     residual, shape = prediction(v)
     out = np.abs(residual) > largest_expected(len(v)) * running_scale(residual)
     norm = np.linalg.norm(shape)
     for row in np.flatnonzero(out):
         piece = residual[max(row - TAPS, 0) : row + TAPS + 1]
-        complete = len(piece) == len(shape)
-        out[row] = complete and abs(piece @ shape) > ALIKE * norm * np.linalg.norm(piece)
+        is_complete = len(piece) == len(shape)
+        out[row] = is_complete and abs(piece @ shape) > ALIKE * norm * np.linalg.norm(piece)
     return out
 
 
-def _response_spikes(sheet):
+def _response_spike_mask(sheet):
     """Mask of the rows of S21 that are off the curve of their neighbours."""
     frequency, size, angle, re, im = (sheet.column(n) for n in ("frequency", "s21", "s21 angle", "s21 re", "s21 im"))
     s = re.values + 1j * im.values
@@ -74,13 +74,13 @@ def _response_spikes(sheet):
 def check(sheet):
     """Findings about the signals of a sheet."""
     if sheet.kind == "sweep":
-        mask = _response_spikes(sheet) if sheet.column("s21") else np.zeros(sheet.rows, bool)
+        mask = _response_spike_mask(sheet) if sheet.column("s21") else np.zeros(sheet.rows, bool)
         if mask.any():
             words = f"{np.count_nonzero(mask)} row(s) off any resonance through their neighbours"
             yield finding(sheet, "spikes", "s21", mask, words)
         return
     for c in sheet.columns_by_role(SIGNAL):
-        mask = spike_rows(sheet.order_values(c.course), c.fast, c.unit.startswith("dB"))
+        mask = spike_rows(sheet.reorder_values(c.course), c.fast, c.unit.startswith("dB"))
         if mask.any():
             rows = sheet.file_rows(np.flatnonzero(mask))
             action = REPORT if sheet.kind == "levels" and len(rows) < FEW * sheet.rows else None

@@ -11,7 +11,7 @@ from testbench.measured.quality.rows.series import grid_step, noise_sd
 from testbench.measured.quality.sheet import SIGNAL
 
 CHANCE = 1e-6
-NEIGHBOURS = 5  # changes on either side
+NEIGHBOUR_CHANGES = 5  # changes on either side
 LEVEL = 3  # times shorter at most is the next level of a plateau, one step away
 SHORTEST = 4  # rows: two equal ones are a duplicate
 
@@ -35,13 +35,18 @@ def flat_rows(v):
         return np.zeros(len(v), bool)
     first = np.concatenate([[0], np.flatnonzero(np.diff(v)) + 1])
     length = np.diff(first, append=len(v))
-    step, out = np.pad(np.abs(np.diff(v)), NEIGHBOURS), length < len(v)
-    for away in range(1, NEIGHBOURS + 1):
+    step, out = np.pad(np.abs(np.diff(v)), NEIGHBOUR_CHANGES), length < len(v)
+    for away in range(1, NEIGHBOUR_CHANGES + 1):
         most = grid * (0.5 + away + 8 * (length / 2 + away) / np.maximum(length - 1, 1) ** 2)
-        out &= np.maximum(step[NEIGHBOURS + first - away], step[NEIGHBOURS + first + length - 2 + away]) <= most
-    joined = np.concatenate([[False], step[NEIGHBOURS + first[1:] - 1] <= 1.5 * grid, [False]])  # to the level before
-    neighbour_length = np.maximum(joined[:-1] * np.roll(length, 1), joined[1:] * np.roll(length, -1))
-    return np.repeat(out | (LEVEL * neighbour_length >= length), length)
+        out &= (
+            np.maximum(step[NEIGHBOUR_CHANGES + first - away], step[NEIGHBOUR_CHANGES + first + length - 2 + away])
+            <= most
+        )
+    joined = np.concatenate(
+        [[False], step[NEIGHBOUR_CHANGES + first[1:] - 1] <= 1.5 * grid, [False]]
+    )  # to the level before
+    neighbour_run_length = np.maximum(joined[:-1] * np.roll(length, 1), joined[1:] * np.roll(length, -1))
+    return np.repeat(out | (LEVEL * neighbour_run_length >= length), length)
 
 
 def stuck_rows(v):

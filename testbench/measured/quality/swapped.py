@@ -17,7 +17,7 @@ COHERENT = 0.7
 PASSIVE_DB = 40.0
 
 
-def _swapped_meters(sheet):
+def _check_swapped_meters(sheet):
     (source,) = sheet.columns_by_role(SETTING)
     step = grid_step(source.values)
     for c in sheet.columns_by_role(SIGNAL):
@@ -58,7 +58,7 @@ def _resonates(u, y):
     return high < 0.5 * low and np.max(h[at]) > 1.4 * low
 
 
-def _swapped_driven(sheet):
+def _check_swapped_driven(sheet):
     u, y = (sheet.column(n).values for n in ("input", "output"))
     if _resonates(y, u) and not _resonates(u, y):
         words = "the output drives the input: that gain has a peak and falls beyond it, the other one rises"
@@ -69,7 +69,7 @@ def _peak(v):
     return (np.max(v) - np.median(v)) / max(np.median(v), 1e-300)
 
 
-def _swapped_sweep(sheet):
+def _check_swapped_sweep(sheet):
     s21, s11 = (sheet.column(n) for n in ("s21", "s11"))
     if np.max(s21.values) > PASSIVE_DB:
         words = f"decibels up to {np.max(s21.values):.3g}: angles, or a gain of no passive part"
@@ -80,7 +80,7 @@ def _swapped_sweep(sheet):
             yield finding(sheet, "swapped", "s11, s21", None, "s11 has the peak of a transmission, s21 has none")
 
 
-RULES = {"meters": _swapped_meters, "driven": _swapped_driven, "sweep": _swapped_sweep}
+RULES = {"meters": _check_swapped_meters, "driven": _check_swapped_driven, "sweep": _check_swapped_sweep}
 
 
 def check(sheet):

@@ -23,7 +23,7 @@ FACTORS = {
     57.29578: "180/pi",
     1 / 57.29578: "pi/180",
 }
-FACTOR_TOLERANCE = 0.25  # of ln: how near a ratio is to a factor
+LN_FACTOR_TOLERANCE = 0.25  # of ln: how near a ratio is to a factor
 FAR_OFF = 30.0
 MOST_Q = 1e11
 DB = 10.0 / np.log(10.0)
@@ -32,14 +32,14 @@ LEAST = 1e-3  # of the largest power: positive decibels do not come so near to 0
 FULL_SCALE_DEG_S = (1.0, 1e5)  # of 2^15 counts
 
 
-def factor_words(ratio):
+def unit_factor_text(ratio):
     """Words of the factor that a ratio is near to, or ""."""
     if not (np.isfinite(ratio) and ratio > 0):
         return ""
-    return next((words for f, words in FACTORS.items() if abs(np.log(ratio / f)) < FACTOR_TOLERANCE), "")
+    return next((words for f, words in FACTORS.items() if abs(np.log(ratio / f)) < LN_FACTOR_TOLERANCE), "")
 
 
-def limit_findings(sheet):
+def check_limits(sheet):
     """Findings about columns that leave their limits."""
     for c in sheet.columns:
         low, high = c.limits
@@ -50,18 +50,18 @@ def limit_findings(sheet):
             yield finding(sheet, "unit", c.name, out, words)
 
 
-def _meter_units(sheet):
+def _check_meter_units(sheet):
     (source,) = sheet.columns_by_role(SETTING)
     for c in sheet.columns_by_role(SIGNAL):
         slope = abs(np.polyfit(source.values, c.values, 1)[0])
-        words = factor_words(slope)
+        words = unit_factor_text(slope)
         if words:
             text = f"readings are {slope:.4g} times their source: a factor of {words} in the unit of one of them"
             yield finding(sheet, "unit", c.name, None, text)
             continue
         spread = sheet.column(f"spread of {c.name}")
         if spread is not None and np.median(spread.values) > 0:
-            noise = np.quantile(np.abs(neighbour_residual(sheet.order_values(c.course))), 0.9) / 1.645
+            noise = np.quantile(np.abs(neighbour_residual(sheet.reorder_values(c.course))), 0.9) / 1.645
             ratio = np.median(spread.values) / max(noise, 1e-300)
             if not 1 / 300 < ratio < 300:
                 text = f"spread is {ratio:.3g} times the noise of the readings: not in V"
@@ -86,30 +86,31 @@ def _not_logarithm(sheet):
         yield finding(sheet, "unit", "power", None, f"positive, {p.min():.2g} .. {p.max():.2g}: a power, not dBm")
 
 
-def _ringdown_units(sheet):
+def _check_ringdown_units(sheet):
     yield from _not_logarithm(sheet)
     f, q = sheet.stated.get("frequency_hz", np.nan), sheet.stated.get("quality", np.nan)
     rate = decay_rate(sheet.column("time").values, sheet.column("power").values)
     if not (f > 0 and rate > 0):
         return
-    quality = 2 * np.pi * f / rate
-    if q > 0 and not 1 / FAR_OFF < quality / q < FAR_OFF:
-        words = f"the decay is that of a quality of {quality:.3g}, the head says {q:.3g}"
+    decay_quality = 2 * np.pi * f / rate
+    if q > 0 and not 1 / FAR_OFF < decay_quality / q < FAR_OFF:
+        words = f"the decay is that of a quality of {decay_quality:.3g}, the head says {q:.3g}"
         yield finding(sheet, "unit", "time", None, words + ": time or frequency in another unit")
-    elif quality > MOST_Q:
-        words = f"the decay is that of a quality of {quality:.3g}, above {MOST_Q:g}: time or frequency in another unit"
+    elif decay_quality > MOST_Q:
+        words = f"the decay is that of a quality of {decay_quality:.3g}, above {MOST_Q:g}: "
+        words += "time or frequency in another unit"
         yield finding(sheet, "unit", "time", None, words)
 
 
 def _spectrum(sheet):
     yield from _not_logarithm(sheet)
     f, x = sheet.stated.get("frequency_hz", np.nan), sheet.column("frequency").values
-    words = factor_words(f / np.mean(x)) if f > 0 else ""
+    words = unit_factor_text(f / np.mean(x)) if f > 0 else ""
     if words:
         yield finding(sheet, "unit", "frequency", None, f"the head's frequency is {words} times that of the rows")
 
 
-def _sweep_units(sheet):
+def _check_sweep_units(sheet):
     angle, size = sheet.column("s21 angle").values, sheet.column("s21").values
     if np.max(np.abs(angle)) < 3.15 < 100 * np.ptp(angle) and np.max(np.abs(angle)) > 1.5:
         yield finding(sheet, "unit", "s21 angle", None, "never leaves -pi .. pi: radians under a head of degrees")
@@ -117,7 +118,7 @@ def _sweep_units(sheet):
         yield finding(sheet, "unit", "s21", None, "all between 0 and 1: magnitudes under a head of decibels")
 
 
-def _stationary_units(sheet):
+def _check_stationary_units(sheet):
     full = 2**15 * sheet.stated["lsb_deg_per_s"]
     low, high = FULL_SCALE_DEG_S
     if not low <= full <= high:
@@ -125,13 +126,13 @@ def _stationary_units(sheet):
         yield finding(sheet, "unit", "lsb", None, words)
 
 
-RULES = {"meters": _meter_units, "ringdown": _ringdown_units, "spectrum": _spectrum}
-RULES |= {"sweep": _sweep_units, "rest": _stationary_units}
+RULES = {"meters": _check_meter_units, "ringdown": _check_ringdown_units, "spectrum": _spectrum}
+RULES |= {"sweep": _check_sweep_units, "rest": _check_stationary_units}
 
 
 def check(sheet):
     """Findings about a sheet."""
-    findings = list(limit_findings(sheet))
+    findings = list(check_limits(sheet))
     if not findings and sheet.kind in RULES:
         findings += RULES[sheet.kind](sheet)
     return findings

@@ -20,7 +20,7 @@ def span_edges(record):
     return schema.frame_count(record) * FRAME_CYCLES
 
 
-def identities(record):
+def check_identities(record):
     if not schema.has_supported_map(record):
         mismatch = f"expected regmap_sha256 {schema.regmap_sha256()}, found {record.attrs['regmap_sha256']}"
         yield Finding("R11", "/", f"{mismatch}: {FOREIGN}", DOWNGRADED)
@@ -98,8 +98,8 @@ def repeats(record):
 
 def priors(record):
     table = record.tables["priors"]
-    declared = [name.strip() for name in record.attrs["nuisances"].split(",") if name.strip()]
-    for name in declared:
+    declared_nuisances = [name.strip() for name in record.attrs["nuisances"].split(",") if name.strip()]
+    for name in declared_nuisances:
         if name not in table["param"].data.tolist():
             yield Finding("R17", f"/priors/{name}", "expected a prior of a declared nuisance, found none")
     for name, dist, sd in schema.rows(table, "param", "dist", "sd"):
@@ -118,7 +118,7 @@ def counters(record):
         if name.partition("/")[2] not in schema.COUNTER_PAIRS:
             yield Finding("R02", f"/{name}", f"expected one of {', '.join(schema.COUNTER_PAIRS)}, found another pair")
             continue
-        missing = [key for key in schema.table_columns(name) if key not in table]
+        missing = [key for key in schema.column_units(name) if key not in table]
         for key in missing:
             rule = "R18" if key == "edge" else "R02"
             yield Finding(rule, f"/{name}/{key}", "expected a column, found nothing")

@@ -75,7 +75,7 @@ def _units(record):
             yield Finding("R03", f"/streams/{name}", f"expected unit {reference.unit}, found {column.unit}")
     for name, table in record.tables.items():
         for key, column in table.items():
-            reference = "edge" if key.startswith("edge") else schema.table_columns(name).get(key)
+            reference = "edge" if key.startswith("edge") else schema.column_units(name).get(key)
             if reference not in (None, "", "1", column.unit) and column.data.dtype.kind != "U":
                 rule = "R18" if name.startswith("counter/") and key == "edge" else "R03"
                 yield Finding(rule, f"/{name}/{key}", f"expected unit {reference}, found {column.unit}")
@@ -83,8 +83,8 @@ def _units(record):
 
 def _codes(record):
     for name, column in record.streams.items():
-        reference = schema.STREAMS.get(name)
-        if reference is None:
+        schema_stream = schema.STREAMS.get(name)
+        if schema_stream is None:
             yield Finding("R02", f"/streams/{name}", "expected a stream of the schema, found another name")
             continue
         path = f"/streams/{name}"
@@ -92,8 +92,10 @@ def _codes(record):
             yield Finding("R20", path, f"expected integer codes, found {column.data.dtype}")
             continue
         bits, signed = column.attrs.get("bits"), column.attrs.get("twos_comp")
-        if (bits, signed) != (reference.bits, int(reference.signed)):
-            text = f"expected bits = {reference.bits}, twos_comp = {int(reference.signed)}, found {bits}, {signed}"
+        if (bits, signed) != (schema_stream.bits, int(schema_stream.signed)):
+            text = (
+                f"expected bits = {schema_stream.bits}, twos_comp = {int(schema_stream.signed)}, found {bits}, {signed}"
+            )
             yield Finding("R04", path, text)
             continue
         lo, hi = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
@@ -101,7 +103,7 @@ def _codes(record):
             yield Finding(
                 "R04", path, f"expected codes within {lo} .. {hi}, found {column.data.min()} .. {column.data.max()}"
             )
-        volts = column.attrs.get("tap") in ("adc", "dac") and reference.unit == "code"
+        volts = column.attrs.get("tap") in ("adc", "dac") and schema_stream.unit == "code"
         unc = column.attrs.get("lsb_V_unc")
         if volts and not (isinstance(unc, (int, float)) and math.isfinite(unc) and unc > 0):
             yield Finding("R19", path, f"expected lsb_V_unc above 0 V, found {unc}")
@@ -110,7 +112,7 @@ def _codes(record):
             yield Finding("R02", path, f"expected lsb_V above 0 V, found {size}")
 
 
-def _finite_values(record):
+def _check_finite(record):
     for name, table in record.tables.items():
         for key, column in table.items():
             if column.data.dtype.kind == "f" and not np.isfinite(column.data).all():
@@ -130,8 +132,8 @@ def _rates(record):
         path, rate = f"/streams/{name}", (column.num, column.den)
         is_dac = name in schema.TICKED
         if rate != PER_FRAME and not (is_dac and rate == PER_TICK):
-            rates_text = "1/3250 or 1/26" if is_dac else "1/3250"
-            yield Finding("R08", path, f"expected rate {rates_text} of the clock, found {column.num}/{column.den}")
+            allowed_rates = "1/3250 or 1/26" if is_dac else "1/3250"
+            yield Finding("R08", path, f"expected rate {allowed_rates} of the clock, found {column.num}/{column.den}")
             continue
         edge0 = adc_edge if name.startswith("adc_") else (PER_TICK[1] if rate == PER_TICK else 0)
         if column.edge0 != edge0:
@@ -219,7 +221,7 @@ DEPENDENT_RULES = (
     _check_edges,
     _gaps,
     _alive,
-    check_tables.identities,
+    check_tables.check_identities,
     check_tables.log,
     check_tables.check_segments,
     check_tables.repeats,
@@ -227,6 +229,6 @@ DEPENDENT_RULES = (
     check_tables.counters,
     check_tables.uncertain,
 )
-RULES = (_complete, _units, _codes, _finite_values, *DEPENDENT_RULES)
+RULES = (_complete, _units, _codes, _check_finite, *DEPENDENT_RULES)
 # Rules about what a record of sound form says; none relies on another
 MEANING = (*meaning_segments.RULES, *meaning_streams.RULES, *meaning_scales.RULES)

@@ -148,10 +148,10 @@ def initial_side(row):
     """`replay.Side` at edge 0 from the values of `initial_names`."""
     s = replay.power_on()
     c = flatten.rebuild(s.w.control, row)
-    tail, count = row[len(flatten.names(c)) :], len(registers.State._fields)
-    bank, dog = registers.State(*tail[:count]), watchdog.State(*tail[count:-1])
+    remaining_values, count = row[len(flatten.names(c)) :], len(registers.State._fields)
+    bank, dog = registers.State(*remaining_values[:count]), watchdog.State(*remaining_values[count:-1])
     word = c.frequency_tracker.word
-    turn = Turn(0, tail[-1], word, word, 0, word, DEFAULT.dds_bits)
+    turn = Turn(0, remaining_values[-1], word, word, 0, word, DEFAULT.dds_bits)
     return s._replace(w=s.w._replace(control=c, bank=bank, dog=dog, turn=turn))
 
 
@@ -168,12 +168,12 @@ def residual(record, progress=None, firmware=None):
         why = "adc_ok is not recorded"
     if not why and not streams:
         why = "no word is recorded"
-    skipped = {}
+    skipped_streams = {}
     if "adc_temperature" not in record.streams and "rate_output" in streams:
-        skipped["rate_output"] = "adc_temperature is not recorded"
+        skipped_streams["rate_output"] = "adc_temperature is not recorded"
         streams.remove("rate_output")
     frames = schema.frame_count(record)
-    out = Residual(tuple(streams), skipped, why, frames, {}, None, 0.0)
+    out = Residual(tuple(streams), skipped_streams, why, frames, {}, None, 0.0)
     if why:
         return out
     p = firmware or build.firmware(config)
@@ -217,55 +217,57 @@ def _mistakes(codes):
 
 def _session(record, session, p, streams, ticked, out, progress):
     """Replay one session block by block and compare; adds to `out`."""
-    for start, n, o in replay_blocks(record, session, p, bool(ticked)):
-        _compare_block(record, session, start, n, o, streams, ticked, out)
+    for start_frame, n, o in replay_blocks(record, session, p, bool(ticked)):
+        _compare_block(record, session, start_frame, n, o, streams, ticked, out)
         if progress:
-            progress("firmware replay", session.first + start + n, out.frames)
+            progress("firmware replay", session.first + start_frame + n, out.frames)
 
 
 def replay_blocks(record, session, p, ticked=False):
     """Yield (frames before, frames, `replay.Rows`) of a session, block by block; with DAC codes of ticks if asked."""
     x, order = stimulus(record, session), replay.order(p)
     s = replay.power_on() if session.powered else _initial(record)
-    tail = np.zeros((DAC_DELAY_TICKS, 2), np.int64)
+    pending_codes = np.zeros((DAC_DELAY_TICKS, 2), np.int64)
     last = np.zeros(len(replay.WORDS), np.int64)
-    start, most = 0, TICK_BLOCK_FRAMES if ticked else BLOCK_FRAMES
-    while start < session.frames:
-        n = min(most, session.frames - start)
+    start_frame, most = 0, TICK_BLOCK_FRAMES if ticked else BLOCK_FRAMES
+    while start_frame < session.frames:
+        n = min(most, session.frames - start_frame)
         o = replay.rows(n, ticks=FRAME_TICKS * n + DAC_DELAY_TICKS if ticked else 0)
         # codes decided at the end of a block belong to the first rows of the next one
         o.words[0] = last
         if ticked:
-            o.codes[:DAC_DELAY_TICKS] = tail
+            o.codes[:DAC_DELAY_TICKS] = pending_codes
         s = replay.run(p, s, x, o, order, True)
         last = o.words[-1].copy()
         if ticked:
-            tail = o.codes[-DAC_DELAY_TICKS:].copy()
-        yield start, n, o
-        start += n
+            pending_codes = o.codes[-DAC_DELAY_TICKS:].copy()
+        yield start_frame, n, o
+        start_frame += n
 
 
-def _compare_block(record, session, start, n, o, streams, ticked, out):
-    first = session.first + start
-    differences = []
+def _compare_block(record, session, start_frame, n, o, streams, ticked, out):
+    first = session.first + start_frame
+    first_differences = []
     for name in streams:
         if name in ticked:
             have = record.streams[name].data[FRAME_TICKS * first : FRAME_TICKS * (first + n)]
-            predicted, cycles = o.codes[: FRAME_TICKS * n, 0 if name == "dac_drv" else 1], TICK_CYCLES
+            predicted_values, cycles = o.codes[: FRAME_TICKS * n, 0 if name == "dac_drv" else 1], TICK_CYCLES
         else:
             have, cycles = record.streams[name].data[first : first + n], FRAME_CYCLES
-            predicted = o.words[:n, replay.WORDS.index(schema.REPLAYED[name])]
-        wrong = have != predicted
-        if name in schema.DAC and start == 0:
+            predicted_values = o.words[:n, replay.WORDS.index(schema.REPLAYED[name])]
+        wrong = have != predicted_values
+        if name in schema.DAC and start_frame == 0:
             wrong[: UNDECIDED_TICKS if name in ticked and not session.powered else int(name not in ticked)] = False
         count = int(wrong.sum())
         if count:
             out.differing[name] = out.differing.get(name, 0) + count
             row = int(np.flatnonzero(wrong)[0])
             edge = FRAME_CYCLES * first + cycles * row + (TICK_CYCLES if cycles == TICK_CYCLES else 0)
-            differences.append((edge, name, int(have[row]), int(predicted[row])))
-    if differences and out.first is None:
-        edge = min(item[0] for item in differences)
-        (_, name, recorded, replayed), *simultaneous = [item for item in differences if item[0] == edge]
-        also = tuple(REGISTERS[item[1]] for item in simultaneous)
+            first_differences.append((edge, name, int(have[row]), int(predicted_values[row])))
+    if first_differences and out.first is None:
+        edge = min(item[0] for item in first_differences)
+        (_, name, recorded, replayed), *simultaneous_differences = [
+            item for item in first_differences if item[0] == edge
+        ]
+        also = tuple(REGISTERS[item[1]] for item in simultaneous_differences)
         out.first = First(name, REGISTERS[name], edge, edge // TICK_CYCLES, recorded, replayed, also)

@@ -13,7 +13,7 @@ from testbench.storage.record import write_record
 HEAD = ("lab", "device_serial", "board_rev", "licence")
 
 
-def run_plan(config):
+def plan_from_config(config):
     """`Plan` of one condition; ConfigError names the key that a record of this kind cannot hold."""
     s = config.scenario
     for key, value in (("rate_dps", s.rate_dps), ("temperature_degc", s.temperature_degc)):
@@ -35,4 +35,4 @@ def run_plan(config):
 
 def write(config, path, progress=None):
     """Make the record and write it; returns its content hash."""
-    return write_record(path, produce.record(run_plan(config), progress))
+    return write_record(path, produce.record(plan_from_config(config), progress))

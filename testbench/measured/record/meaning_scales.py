@@ -44,10 +44,10 @@ def lsb(record):
     adc = dict.fromkeys(("adc_xI", "adc_xQ", "adc_temperature"), d.adc_vref_v / d.adc_pga_drive / 2**23)
     adc |= dict.fromkeys(("adc_yI", "adc_yQ"), d.adc_vref_v / d.adc_pga_sense / 2**23)
     dac = {"dac_drv": d.drive_dac_span_v / 2**15, "dac_ftr": d.sense_dac_span_v / 2**19}
-    nominal = adc | dac | {"dac_qsc": d.quad_dac_span_v / 2**16, "quadrature_code": d.quad_dac_span_v / 2**16}
+    nominal_lsb_v = adc | dac | {"dac_qsc": d.quad_dac_span_v / 2**16, "quadrature_code": d.quad_dac_span_v / 2**16}
     for name, column in record.streams.items():
         size, unc = column.attrs.get("lsb_V"), column.attrs.get("lsb_V_unc")
-        if name not in nominal or size is None or unc is None:
+        if name not in nominal_lsb_v or size is None or unc is None:
             continue
         path, part = f"/streams/{name}", unc / size
         if part >= 1:
@@ -56,20 +56,23 @@ def lsb(record):
             text = f"expected lsb_V_unc within {LSB_UNC[0]:g} .. {LSB_UNC[1]:g} of lsb_V, found {part:.3g} of it"
             yield Finding("R29", path, text, WARNED)
         limit = LSB_SHARE + COVERAGE_FACTOR * min(part, LSB_UNC[1])
-        if abs(size / nominal[name] - 1) > limit:
-            text = f"expected lsb_V = {nominal[name]:.6g} V of its converter within {100 * limit:.3g} %"
+        if abs(size / nominal_lsb_v[name] - 1) > limit:
+            text = f"expected lsb_V = {nominal_lsb_v[name]:.6g} V of its converter within {100 * limit:.3g} %"
             yield Finding("R29", path, f"{text}, found {size:.6g} V", WARNED)
         elif name in adc:
-            ratios[name] = (size / nominal[name], part)
+            ratios[name] = (size / nominal_lsb_v[name], part)
     middle = float(np.median([ratio for ratio, _ in ratios.values()])) if ratios else 1.0
     for name, (ratio, part) in ratios.items():
         limit = MATCH_SHARE + COVERAGE_FACTOR * part
         if abs(ratio / middle - 1) > limit:
-            text = f"expected lsb_V of the other channels ({middle * nominal[name]:.6g} V) within {100 * limit:.3g} %"
-            yield Finding("R29", f"/streams/{name}", f"{text}, found {ratio * nominal[name]:.6g} V", WARNED)
+            text = (
+                f"expected lsb_V of the other channels ({middle * nominal_lsb_v[name]:.6g} V) within "
+                f"{100 * limit:.3g} %"
+            )
+            yield Finding("R29", f"/streams/{name}", f"{text}, found {ratio * nominal_lsb_v[name]:.6g} V", WARNED)
 
 
-def _limit_findings(record, name, column, limits, level=REFUSED):
+def _check_limits(record, name, column, limits, level=REFUSED):
     """Values of a column outside limits (low, high, unit)."""
     lo, hi, unit = limits
     for k, value in enumerate(record.tables[name][column].data.tolist()):
@@ -86,11 +89,11 @@ def ranges(record):
         yield Finding("R30", "/clock", f"expected a ppm within {-limit:g} .. {limit:g}, found {ppm:g}", how)
     keys = {"a_set": "a_um", "detune": "detune_deg", "temp_set": "temperature_degc", "rate_set": "rate_dps"}
     for column, key in keys.items():
-        yield from _limit_findings(record, "segments", column, LIMITS[key])
-    yield from _limit_findings(record, "stimulus/rate", "rate", LIMITS["rate_dps"])
-    yield from _limit_findings(record, "stimulus/temperature", "temperature", LIMITS["temperature_degc"])
-    yield from _limit_findings(record, "stimulus/rate", "unc", (*RATE_PPM, "ppm"), WARNED)
-    yield from _limit_findings(record, "stimulus/temperature", "unc", (*TEMP_UNC_K, "K"), WARNED)
+        yield from _check_limits(record, "segments", column, LIMITS[key])
+    yield from _check_limits(record, "stimulus/rate", "rate", LIMITS["rate_dps"])
+    yield from _check_limits(record, "stimulus/temperature", "temperature", LIMITS["temperature_degc"])
+    yield from _check_limits(record, "stimulus/rate", "unc", (*RATE_PPM, "ppm"), WARNED)
+    yield from _check_limits(record, "stimulus/temperature", "unc", (*TEMP_UNC_K, "K"), WARNED)
 
 
 def counters(record):
@@ -151,12 +154,12 @@ def _phase(record, name, k, edge, reading):
     words = {f"phase_{axis}_{part}": register_values[f"phase_{axis}_{part}"][0] for part in ("sine", "ref")}
     angles = {f"firmware.{key}_deg": 360 * math.remainder(raw / TURN, 1.0) for key, raw in words.items()}
     config = changed(check_tables.stated_config(record), angles)
-    budget_deg = budget(config).node_deg()[node]
-    plain = budget_deg - angles[f"firmware.phase_{axis}_ref_deg"] + angles[f"firmware.phase_{axis}_sine_deg"]
+    budget_phase_deg = budget(config).node_deg()[node]
+    plain = budget_phase_deg - angles[f"firmware.phase_{axis}_ref_deg"] + angles[f"firmware.phase_{axis}_sine_deg"]
     limit = PHASE_SHARE * abs(plain) + PHASE_DEG + COVERAGE_FACTOR * unc
-    error = math.remainder(value - budget_deg, 360)
+    error = math.remainder(value - budget_phase_deg, 360)
     if abs(error) > limit:
-        text = f"expected {budget_deg:.4g} deg of the budget within {limit:.3g} deg, found {value:.4g} in row {k}"
+        text = f"expected {budget_phase_deg:.4g} deg of the budget within {limit:.3g} deg, found {value:.4g} in row {k}"
         yield Finding("R31", f"/{name}/value", text, WARNED)
 
 
@@ -166,8 +169,8 @@ def priors(record):
     columns = ("param", "dist", "mean", "sd", "unit")
     for k, (name, dist, mean, sd, unit) in enumerate(schema.rows(record.tables["priors"], *columns)):
 
-        def odd(expected, observed, how=REFUSED, name=name, k=k):
-            return Finding("R32", f"/priors/{name}", f"expected {expected}, found {observed} in row {k}", how)
+        def odd(expected, observed_text, how=REFUSED, name=name, k=k):
+            return Finding("R32", f"/priors/{name}", f"expected {expected}, found {observed_text} in row {k}", how)
 
         field = PLANT.get(name)
         if field is None:
@@ -181,9 +184,9 @@ def priors(record):
         if not field.lo <= mean <= field.hi:
             yield odd(f"a mean within {field.lo:g} .. {field.hi:g} {field.unit}", f"{mean:.6g}")
             continue
-        configured = getattr(config.plant, field.name)
-        if mean and configured and not 1 / PRIOR_TIMES <= mean / configured <= PRIOR_TIMES:
-            text = f"a mean within a factor of {PRIOR_TIMES:g} of the configured {configured:.6g} {field.unit}"
+        configured_value = getattr(config.plant, field.name)
+        if mean and configured_value and not 1 / PRIOR_TIMES <= mean / configured_value <= PRIOR_TIMES:
+            text = f"a mean within a factor of {PRIOR_TIMES:g} of the configured {configured_value:.6g} {field.unit}"
             yield odd(text, f"{mean:.6g}", WARNED)
         logarithm = dist == "lognormal"
         if logarithm and not mean > 0:
@@ -204,9 +207,9 @@ def log(record):
     columns = ("name", "width", "frac_bits", "signed", "raw")
     for k, (name, *stated, raw) in enumerate(schema.rows(record.tables["registers"], *columns)):
         fmt = registers.BY_NAME[name].fmt
-        format_bits = [fmt.width, fmt.f, int(fmt.s)]
-        if stated != format_bits:
-            text = f"expected width, frac_bits, signed = {format_bits}, found {stated} in row {k}"
+        format_fields = [fmt.width, fmt.f, int(fmt.s)]
+        if stated != format_fields:
+            text = f"expected width, frac_bits, signed = {format_fields}, found {stated} in row {k}"
             yield Finding("R33", f"/registers/{name}", text)
         hz = raw * MASTER_HZ / 2**48
         if name == "frequency_fixed" and not FIRMWARE_HZ[0] <= hz <= FIRMWARE_HZ[1]:

@@ -53,7 +53,7 @@ class Stated:
         """Rows that hold in edges a .. b - 1; what is stated within the first frame holds from its beginning."""
         return range(max(0, self.row(a + FRAME_CYCLES)), self.row(b) + 1)
 
-    def value_range(self, rows):
+    def observed_range(self, rows):
         """Largest less smallest value of rows."""
         values = self.values[rows.start : rows.stop]
         return float(np.ptp(values)) if len(values) else 0.0
@@ -108,10 +108,10 @@ def setpoints(record):
         if s["kind"] in VARYING:
             continue
 
-        def differs(column, unit, source, target, limit, k=k, s=s):
-            text = f"expected {target:.6g} {unit} of {source} within {limit:.2g} {unit}"
-            observed = f"found {s[column]:.6g} {unit} in row {k}"
-            return Finding("R21", f"/segments/{s['id']}/{column}", f"{text}, {observed}", level(s["role"]))
+        def differs(column, unit, source, target_value, limit, k=k, s=s):
+            text = f"expected {target_value:.6g} {unit} of {source} within {limit:.2g} {unit}"
+            observed_text = f"found {s[column]:.6g} {unit} in row {k}"
+            return Finding("R21", f"/segments/{s['id']}/{column}", f"{text}, {observed_text}", level(s["role"]))
 
         for stated, column, unit, limit_of in (
             (rate, "rate_set", "deg/s", rate_limit),
@@ -120,8 +120,8 @@ def setpoints(record):
             row = stated.row(s["edge_b"])
             if row < 0 or stated.edges[0] > s["edge_a"]:
                 text = f"expected a row at edge {s['edge_a']} or before, where segment {s['id']} of row {k} begins"
-                observed = f"found the first at {stated.edges[0]} in row 0" if len(stated.edges) else "found none"
-                yield Finding("R21", stated.path, f"{text}, {observed}", level(s["role"]))
+                observed_text = f"found the first at {stated.edges[0]} in row 0" if len(stated.edges) else "found none"
+                yield Finding("R21", stated.path, f"{text}, {observed_text}", level(s["role"]))
                 continue
             limit = limit_of(stated, row)
             if abs(s[column] - stated.values[row]) > limit:
@@ -147,8 +147,8 @@ def kinds(record):
     for k, s in segments(record):
         a, b, kind = s["edge_a"], s["edge_b"], s["kind"]
 
-        def wrong(expected, observed, how=None, k=k, s=s):
-            text = f"expected {expected} in a {s['kind']}, found {observed} in row {k}"
+        def wrong(expected, observed_text, how=None, k=k, s=s):
+            text = f"expected {expected} in a {s['kind']}, found {observed_text} in row {k}"
             return Finding("R22", f"/segments/{s['id']}/kind", text, how or level(s["role"]))
 
         inside = powered[(powered > a) & (powered < b)]
@@ -160,17 +160,17 @@ def kinds(record):
             yield wrong("no power-on", f"edge {inside[0]} of /power_on row {row}")
         rows = rate.rows_between(a, b)
         if kind == "rate_step":
-            yield from _missing_step(rate, rows, a, wrong)
-        elif kind in CONDITIONS and rows and rate.value_range(rows) > max(rate_limit(rate, r) for r in rows):
-            text = f"{rate.value_range(rows):.4g} deg/s of {rate.path} rows {rows[0]} to {rows[-1]}"
+            yield from _check_rate_step(rate, rows, a, wrong)
+        elif kind in CONDITIONS and rows and rate.observed_range(rows) > max(rate_limit(rate, r) for r in rows):
+            text = f"{rate.observed_range(rows):.4g} deg/s of {rate.path} rows {rows[0]} to {rows[-1]}"
             yield wrong(f"changes of rate below {max(rate_limit(rate, r) for r in rows):.2g} deg/s", text)
         if kind not in CONDITIONS:
             continue
         rows = temperature.rows_between(a, b)
-        if rows and temperature.value_range(rows) > max(temp_limit(temperature, r) for r in rows):
-            text = f"{temperature.value_range(rows):.4g} K of {temperature.path} rows {rows[0]} to {rows[-1]}"
+        if rows and temperature.observed_range(rows) > max(temp_limit(temperature, r) for r in rows):
+            text = f"{temperature.observed_range(rows):.4g} K of {temperature.path} rows {rows[0]} to {rows[-1]}"
             yield wrong(f"changes of temperature below {temp_limit(temperature, rows[0]):.2g} K", text, WARNED)
-        yield from _condition_writes(record, s, wrong)
+        yield from _check_condition_writes(record, s, wrong)
         if state is not None and s["role"] != "none":
             first, last = -(-a // FRAME_CYCLES), b // FRAME_CYCLES
             lost = np.flatnonzero(state[first:last] != sequencer.LOCKED)
@@ -179,16 +179,16 @@ def kinds(record):
                 yield wrong(f"state {sequencer.LOCKED} (LOCKED)", text, WARNED)
 
 
-def _missing_step(rate, rows, a, wrong):
+def _check_rate_step(rate, rows, a, wrong):
     """A step of the rate, or none."""
     rows = range(max(0, min(rate.row(a), rows.start)), rows.stop)
     least = min((rate_limit(rate, r) for r in rows), default=RATE_DPS)
-    if rate.value_range(rows) <= least:
+    if rate.observed_range(rows) <= least:
         where = f"{rate.path} rows {rows.start} to {rows.stop - 1}"
-        yield wrong(f"a step above {least:.2g} deg/s", f"{rate.value_range(rows):.4g} deg/s of {where}")
+        yield wrong(f"a step above {least:.2g} deg/s", f"{rate.observed_range(rows):.4g} deg/s of {where}")
 
 
-def _condition_writes(record, s, wrong):
+def _check_condition_writes(record, s, wrong):
     """Set-points that are written while a condition holds, and loops that a register has opened."""
     for row, (at, name) in enumerate(schema.rows(record.tables["registers"], "edge", "name")):
         if s["edge_a"] + FRAME_CYCLES <= at < s["edge_b"] and name in SETPOINTS:
@@ -209,8 +209,8 @@ def conditions(record):
             limit += AMPLITUDE_SHARE * abs(other[column]) if column in ("a_set", "rate_set") else 0.0
             if abs(s[column] - other[column]) > limit:
                 text = f"expected {other[column]:.6g} of row {j} in all of {s['repeat_group']}"
-                observed = f"found {s[column]:.6g} in row {k}"
-                yield Finding("R23", f"/segments/{s['id']}/{column}", f"{text}, {observed}", level(s["role"]))
+                observed_text = f"found {s[column]:.6g} in row {k}"
+                yield Finding("R23", f"/segments/{s['id']}/{column}", f"{text}, {observed_text}", level(s["role"]))
         if s["kind"] != other["kind"]:
             text = f"expected {other['kind']} of row {j} in all of {s['repeat_group']}, found {s['kind']} in row {k}"
             yield Finding("R23", f"/segments/{s['id']}/kind", text, level(s["role"]))

@@ -27,7 +27,7 @@ FORCE_SHARE, FORCE_DPS = 0.25, 10.0  # tolerance of force and mass; a tenth of t
 SETTLED = 10.0  # time constants of the rate loop from a step to where its force is judged
 SENSOR_K = 10.0  # the sensor's own error, and a die that is warmer than its surroundings
 COPIED_ROWS, COPIED_CODES = 16, 8  # equal rows of two channels in a row, and different codes among them
-STUCK_ROWS, STUCK_FACTOR = 20, 5  # rows that rest, and times the next longer rest
+LEAST_STUCK_ROWS, STUCK_FACTOR = 20, 5  # rows that rest, and times the next longer rest
 CHANCE = 1e-5  # that all channels repeat in a session's last rows
 STEP_FRAMES, STEP_SHARE = 3, 0.05  # a sinc3 filter has settled after three conversions
 MOST_BAD = 0.01  # part of the frames of a locked loop with a bad status word
@@ -40,21 +40,21 @@ def halves(record):
     for k, s in segments(record):
         first, last = -(-s["edge_a"] // FRAME_CYCLES), s["edge_b"] // FRAME_CYCLES
         rows = slice((first + last) // 2, last)
-        locked = state is None or (state[rows] == sequencer.LOCKED).all()
-        if s["kind"] in CONDITIONS and rows.stop - rows.start >= LEAST_FRAMES and locked:
+        is_locked = state is None or (state[rows] == sequencer.LOCKED).all()
+        if s["kind"] in CONDITIONS and rows.stop - rows.start >= LEAST_FRAMES and is_locked:
             yield k, s, rows
 
 
 def drive(record):
     """R25."""
-    reported = set()
+    reported_sources = set()
     for _, s, rows in halves(record):
         means = [record.streams[name].data[rows].mean() for name in ("adc_xI", "adc_xQ")]
         raw, source = bank(record, s["edge_b"]).get("amplitude_setpoint", (0, ""))
         loops = s["loops"].split()
         size, where = math.hypot(*means) * float(cordic.gain()), f"rows {rows.start} to {rows.stop - 1}"
-        if raw and "drv" in loops and abs(size - raw) > DRIVE_SHARE * raw and source not in reported:
-            reported.add(source)
+        if raw and "drv" in loops and abs(size - raw) > DRIVE_SHARE * raw and source not in reported_sources:
+            reported_sources.add(source)
             text = (
                 f"expected a magnitude of {raw} within {100 * DRIVE_SHARE:g} % by {source}, found {size:.0f} in {where}"
             )
@@ -77,9 +77,9 @@ def _force(record, rows):
     codes = column.data[rows.start * step : rows.stop * step : step].astype(float)
     angle = record.streams["nco_pword"].data[rows] * (2 * np.pi / 2**48)
     waves = np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    coefficients = np.linalg.lstsq(waves, codes, rcond=None)[0]
+    wave_coefficients = np.linalg.lstsq(waves, codes, rcond=None)[0]
     # the code lags the phase by a few us, less than a quarter turn
-    return math.copysign(math.hypot(*coefficients), coefficients[0]) * 16
+    return math.copysign(math.hypot(*wave_coefficients), wave_coefficients[0]) * 16
 
 
 def force(record):
@@ -87,7 +87,7 @@ def force(record):
     if "rate_word" not in record.streams and not {"dac_ftr", "nco_pword"} <= set(record.streams):
         return
     rate, config = Stated(record, "rate"), check_tables.stated_config(record)
-    d, reported = config.device(), set()
+    d, reported_rows = config.device(), set()
     gain, _ = propagator.cv_chain(d, "drive", d.temp_ref_degc)
     metres = d.adc_vref_v / d.adc_pga_drive / 2**23 / (gain * d.signal_gain * 4 / math.pi)  # of a drive code
     newtons = 2 * d.coriolis_mass_kg * 2 * math.pi * d.fx_hz * metres * math.pi / 180  # of a code and 1 deg/s
@@ -96,19 +96,19 @@ def force(record):
         a, b = FRAME_CYCLES * rows.start, FRAME_CYCLES * rows.stop
         stimulus_rows = rate.rows_between(a, b)
         row = stimulus_rows[-1] if stimulus_rows else -1
-        steady = row >= 0 and rate.value_range(stimulus_rows) <= rate_limit(rate, row)
+        steady = row >= 0 and rate.observed_range(stimulus_rows) <= rate_limit(rate, row)
         recent = rate.rows_between(max(0, int(a - settle * FRAME_CYCLES)), b)
-        calm = steady and rate.value_range(recent) <= rate_limit(rate, row)
-        if not calm or row in reported or "ftr" not in s["loops"].split() or not d.k_vf_sense_n_per_v:
+        calm = steady and rate.observed_range(recent) <= rate_limit(rate, row)
+        if not calm or row in reported_rows or "ftr" not in s["loops"].split() or not d.k_vf_sense_n_per_v:
             continue
         drive = math.hypot(*(record.streams[name].data[rows].mean() for name in ("adc_xI", "adc_xQ")))
-        force_dps = _force(record, rows) * 10 / 2**23 * d.k_vf_sense_n_per_v / (newtons * drive) if drive else 0.0
+        force_rate_dps = _force(record, rows) * 10 / 2**23 * d.k_vf_sense_n_per_v / (newtons * drive) if drive else 0.0
         stated = float(np.mean(rate.values[stimulus_rows.start : stimulus_rows.stop]))
         limit = FORCE_SHARE * abs(stated) + FORCE_DPS
-        if abs(force_dps - stated) > limit:
-            reported.add(row)
-            opposite = force_dps * stated < 0 and min(abs(force_dps), abs(stated)) > FORCE_DPS
-            text = f"expected {force_dps:.4g} deg/s of the force in segment {s['id']} within {limit:.3g} deg/s"
+        if abs(force_rate_dps - stated) > limit:
+            reported_rows.add(row)
+            opposite = force_rate_dps * stated < 0 and min(abs(force_rate_dps), abs(stated)) > FORCE_DPS
+            text = f"expected {force_rate_dps:.4g} deg/s of the force in segment {s['id']} within {limit:.3g} deg/s"
             text += f"{' and of its sign' if opposite else ''}, found {stated:.6g} in row {row}"
             yield Finding("R26", f"{rate.path}/rate", text, REFUSED if opposite else WARNED)
 
@@ -119,18 +119,18 @@ def sensor(record):
     if column is None:
         return
     stated, config = Stated(record, "temperature"), check_tables.stated_config(record)
-    warmer, reported = config.plant.self_heating_k, set()
+    warmer, reported_rows = config.plant.self_heating_k, set()
     lsb, unc = column.attrs["lsb_V"], column.attrs["lsb_V_unc"]
     for _, s, rows in halves(record):
         row = stated.row(FRAME_CYCLES * rows.stop)
-        if row < 0 or row in reported:
+        if row < 0 or row in reported_rows:
             continue
         volts = column.data[rows].mean() * lsb
         sensor_degc = 25.0 + (volts - adc.SENSOR_V_AT_25_DEGC) / adc.SENSOR_V_PER_K
         limit = SENSOR_K + COVERAGE_FACTOR * (float(stated.unc[row]) + abs(volts) * unc / lsb / adc.SENSOR_V_PER_K)
         value = float(stated.values[row])
         if not -limit <= sensor_degc - value <= limit + warmer:
-            reported.add(row)
+            reported_rows.add(row)
             text = f"expected {sensor_degc:.4g} degC of adc_temperature in segment {s['id']} within {limit:.3g} K"
             yield Finding("R27", f"{stated.path}/temperature", f"{text}, found {value:.6g} in row {row}", WARNED)
 
@@ -138,8 +138,8 @@ def sensor(record):
 def runs(equal):
     """(first, length) of runs of True, longest first."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.astype(np.int8), [0]])))
-    runs_by_length = sorted(zip((edges[1::2] - edges[::2]).tolist(), edges[::2].tolist()), reverse=True)
-    return [(first, length) for length, first in runs_by_length]
+    sorted_runs = sorted(zip((edges[1::2] - edges[::2]).tolist(), edges[::2].tolist()), reverse=True)
+    return [(first, length) for length, first in sorted_runs]
 
 
 def _channels(record):
@@ -160,7 +160,7 @@ def copies(record):
                     break
 
 
-def _locked_rows(record):
+def _locked_row_mask(record):
     """Rows in which noise moves every channel: those of segments behind the start-up that nobody has lost."""
     rows = np.zeros(schema.frame_count(record), bool)
     for _, s in segments(record):
@@ -175,19 +175,19 @@ def rests(record):
     """R28: a channel that rests far longer than it does elsewhere, and last rows in which all repeat."""
     if not check_tables.stated_config(record).noise.adc:
         return
-    channels, locked = _channels(record), _locked_rows(record)
+    channels, is_locked = _channels(record), _locked_row_mask(record)
     still = {name: np.diff(codes) == 0 for name, codes in channels.items()}
     for name, equal in still.items():
-        (first, length), *next_runs = [*runs(equal & locked[1:]), (0, 0), (0, 0)][:2]
-        if length >= STUCK_ROWS and length > STUCK_FACTOR * next_runs[0][1]:
-            text = f"expected rests of at most {max(STUCK_ROWS, STUCK_FACTOR * next_runs[0][1])} rows"
+        (first, length), *next_runs = [*runs(equal & is_locked[1:]), (0, 0), (0, 0)][:2]
+        if length >= LEAST_STUCK_ROWS and length > STUCK_FACTOR * next_runs[0][1]:
+            text = f"expected rests of at most {max(LEAST_STUCK_ROWS, STUCK_FACTOR * next_runs[0][1])} rows"
             yield Finding("R28", f"/streams/{name}", f"{text}, found rows {first} to {first + length}", WARNED)
-    chance = math.prod(float(equal[locked[1:]].mean()) if locked[1:].any() else 1.0 for equal in still.values())
+    chance = math.prod(float(equal[is_locked[1:]].mean()) if is_locked[1:].any() else 1.0 for equal in still.values())
     together = np.logical_and.reduce(list(still.values()))
     for session in sessions(record):
         last = session.first + session.frames - 1
-        changes = np.flatnonzero(~together[session.first : last])
-        repeats = last - session.first - (int(changes[-1]) + 1 if len(changes) else 0)
+        changed_rows = np.flatnonzero(~together[session.first : last])
+        repeats = last - session.first - (int(changed_rows[-1]) + 1 if len(changed_rows) else 0)
         if chance**repeats < CHANCE:
             text = f"expected new codes of {', '.join(channels)}, found those of row {last - repeats} up to row {last}"
             yield Finding("R28", "/streams/adc_xI", text, WARNED)
@@ -197,10 +197,10 @@ def bad_frames(record):
     """R28: loops stay locked only on frames whose status is good."""
     if "adc_ok" not in record.streams:
         return
-    bad, locked = record.streams["adc_ok"].data == 0, _locked_rows(record)
-    share = bad[locked].mean() if locked.any() else 0.0
+    bad, is_locked = record.streams["adc_ok"].data == 0, _locked_row_mask(record)
+    share = bad[is_locked].mean() if is_locked.any() else 0.0
     if share > MOST_BAD:
-        row = int(np.flatnonzero(bad & locked)[0])
+        row = int(np.flatnonzero(bad & is_locked)[0])
         text = f"expected at most {100 * MOST_BAD:g} % of 0 behind the start-up"
         yield Finding("R28", "/streams/adc_ok", f"{text}, found {100 * share:.3g} % from row {row} on", WARNED)
 

@@ -62,8 +62,8 @@ class Board(Simulation):
         columns = self.columns()
         word, state = columns["frequency_word"], columns["state"]
         # while the centre is loaded or corrected the word follows at once, else two clocks later, behind the PI
-        immediate = state[1:] < sequencer.ACQUIRE
-        at = self.valid_clock + 1 + np.where(immediate, SLOT_PI, SLOT_WORD)
+        is_immediate = state[1:] < sequencer.ACQUIRE
+        at = self.valid_clock + 1 + np.where(is_immediate, SLOT_PI, SLOT_WORD)
         at[0] = FRAME_CYCLES  # no codes in the first frame
         steps = at * word[:-1] + (FRAME_CYCLES - at) * word[1:]
         rows = np.concatenate([[0], np.cumsum(steps)]) % TURN
@@ -101,12 +101,12 @@ class Sitting:
     def _first_writes(self):
         """Those of the configuration, with what the condition sets in their place."""
         c, nominal = self.condition, build.nominal(self.plan.model)
-        writes = dict(build.register_writes(self.plan.model))
-        writes["amplitude_setpoint"] = agc.setpoint(c.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
+        register_writes = dict(build.register_writes(self.plan.model))
+        register_writes["amplitude_setpoint"] = agc.setpoint(c.a_um, nominal["v_per_um"], nominal["adc_drive_v"])
         if c.detune_deg:
-            nominal_word = self.plan.model.firmware.phase_words()[0]
-            writes["phase_drive_sine"] = (phase_word(c.detune_deg) + nominal_word) % TURN
-        return tuple(writes.items())
+            nominal_phase_word = self.plan.model.firmware.phase_words()[0]
+            register_writes["phase_drive_sine"] = (phase_word(c.detune_deg) + nominal_phase_word) % TURN
+        return tuple(register_writes.items())
 
     def _run(self):
         c, board, temp = self.condition, self.board, self.condition.temperature_degc
@@ -116,9 +116,9 @@ class Sitting:
         self._stimulus(before, temp)
         if simulate.start(self.config, board, before, temp) is None:
             raise ConfigError(f"{where}: no lock within {simulate.lock_limit_s(self.config):g} s")
-        partial_ticks = -board.tick % FRAME_TICKS
-        if partial_ticks:
-            board.advance(partial_ticks, before, temp)
+        ticks_to_frame = -board.tick % FRAME_TICKS
+        if ticks_to_frame:
+            board.advance(ticks_to_frame, before, temp)
         self._add_segment("startup", 0, first, "startup", "none")
         if c.settle_s:
             begin = board.tick
@@ -261,7 +261,7 @@ def _streams(plan, sittings):
 
 def _table(name, rows):
     """A table of the schema from its rows."""
-    units = schema.table_columns(name)
+    units = schema.column_units(name)
     columns = zip(*rows) if rows else [()] * len(units)
     kinds = {"": str, "edge": np.int64}
     return {

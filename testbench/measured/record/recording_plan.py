@@ -108,8 +108,8 @@ KEYS = ("name", "repeats", "seed", "dac", "fx_scatter_hz", "set", "truth", "cond
 def _check_keys(tree, keys, where):
     for key in tree:
         if key not in keys:
-            matches = difflib.get_close_matches(str(key), keys, n=1, cutoff=0.5)
-            hint = f"did you mean {matches[0]}?" if matches else f"known: {', '.join(keys)}"
+            close_matches = difflib.get_close_matches(str(key), keys, n=1, cutoff=0.5)
+            hint = f"did you mean {close_matches[0]}?" if close_matches else f"known: {', '.join(keys)}"
             raise ConfigError(f"{where}: {key} is not a key here; {hint}")
 
 
@@ -219,5 +219,5 @@ def read(path):
 
 def with_plant(plan, library, plant_file=""):
     """The same plan for a plant behind the port: path of the library, and of the file for it alone."""
-    plant_keys = {"scenario.plant": str(library), "scenario.plant_file": str(plant_file)}
-    return plan._replace(truth=configuration.changed(plan.truth, plant_keys, library=True))
+    plant_settings = {"scenario.plant": str(library), "scenario.plant_file": str(plant_file)}
+    return plan._replace(truth=configuration.changed(plan.truth, plant_settings, library=True))

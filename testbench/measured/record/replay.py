@@ -336,6 +336,6 @@ def order(p):
     if p.paths is not None:
         raise ConfigError("firmware.*_sine_registers, *_code_registers: the replay of a record has none; set them to 0")
     ticks = ((1 + p.drive_modulator.frames, AMPLITUDE), (2 + p.sense_modulator.frames, RATE))
-    loads = [(TICK_CYCLES * n, kind) for n, kind in ticks]
-    loads.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))
-    return np.array(sorted(loads, reverse=True), np.int64)
+    code_decisions = [(TICK_CYCLES * n, kind) for n, kind in ticks]
+    code_decisions.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))
+    return np.array(sorted(code_decisions, reverse=True), np.int64)

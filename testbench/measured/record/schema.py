@@ -142,7 +142,7 @@ MOST_SATURATED = 1e-3  # part of the rows of a fit segment
 UNCERTAIN = {"stimulus/rate": "unc", "stimulus/temperature": "unc"}  # columns that state an uncertainty
 
 
-def table_columns(name):
+def column_units(name):
     """{column: unit} of a table; a counter of an unknown pair has units None, an unknown table no columns."""
     if name.startswith("counter/"):
         unit = COUNTER_PAIRS.get(name.partition("/")[2])
@@ -217,13 +217,13 @@ def has_supported_map(record):
     return record.attrs["regmap_sha256"] in [regmap_sha256(version) for version in registers.REPLAYED]
 
 
-def bitstream_sha256(firmware, excluded=()):
-    """Hash of the firmware's parameters, but for those `excluded` and those that came later and have their default.
+def bitstream_sha256(firmware, excluded_parameters=()):
+    """Hash of the firmware's parameters, without `excluded_parameters` and later ones that have their default.
 
     It stands for the bitstream of a simulated board.
     """
-    parameters = block.flattened_parameters(firmware, top.PARAMS_FMT)
-    return json_sha256([[name, value] for name, value, _ in parameters if name not in excluded])
+    firmware_parameters = block.flattened_parameters(firmware, top.PARAMS_FMT)
+    return json_sha256([[name, value] for name, value, _ in firmware_parameters if name not in excluded_parameters])
 
 
 def roles_sha256(segments):

@@ -60,9 +60,9 @@ def sessions(record):
 def segments(record):
     """Every `Segment` of a checked record, in order."""
     out = []
-    for name, a, b, *fields in schema.rows(record.tables["segments"], *schema.TABLES["segments"]):
+    for name, a, b, *segment_fields in schema.rows(record.tables["segments"], *schema.TABLES["segments"]):
         first = -(-a // FRAME_CYCLES)
-        out.append(Segment(name, first, b // FRAME_CYCLES - first, *fields))
+        out.append(Segment(name, first, b // FRAME_CYCLES - first, *segment_fields))
     return out
 
 

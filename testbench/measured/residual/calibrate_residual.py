@@ -20,7 +20,7 @@ from testbench.measured.record import check_tables
 from testbench.measured.record.sessions import segments
 from testbench.measured.residual import parameters, residuals, simulator
 from testbench.measured.residual.features import HZ, OBSERVABLES
-from testbench.measured.residual.noise_floor import estimate_floor
+from testbench.measured.residual.noise_floor import estimate_noise_floor
 
 DRIVEN = [name for name, o in OBSERVABLES.items() if o.driven]
 STEP_SIGMA, STEP_SPAN = 300.0, 4.0
@@ -98,7 +98,7 @@ class Problem:
         groups, roles = residuals.differences(self.record, predicted, DRIVEN)
         groups = [g for g in groups if roles[g.name] == "fit"]
         if self.noise is None:
-            self.noise = estimate_floor(groups)
+            self.noise = estimate_noise_floor(groups)
         white = [self.noise.whiten_group(g.name, g.values.mean(axis=0)) * np.sqrt(len(g.values)) for g in groups]
         return np.concatenate([w.ravel() for w in white])
 
@@ -108,9 +108,9 @@ class Problem:
         for k in range(len(u)):
             step = self.steps[k]
             for _ in range(4):
-                shifted = u.copy()
-                shifted[k] += step
-                other = self.residual(shifted)
+                shifted_u = u.copy()
+                shifted_u[k] += step
+                other = self.residual(shifted_u)
                 if other is None:
                     step = -step
                     continue
@@ -151,31 +151,31 @@ class Problem:
         return Fit(u, float(cost), decrement, j, self.evaluations - first)
 
 
-def start(record, fitted):
+def start(record, fit_parameters):
     """Coordinates to begin with: f_x where the loop has locked, everything else in the middle of its prior."""
-    u = np.zeros(len(fitted))
+    u = np.zeros(len(fit_parameters))
     words = [
         record.streams["nco_fword"].data[s.first : s.first + s.frames].mean()
         for s in segments(record)
         if s.role == "fit"
     ]
-    for k, p in enumerate(fitted):
+    for k, p in enumerate(fit_parameters):
         if p.key == "plant.fx_hz" and words:
             u[k] = p.coordinate(float(np.mean(words)) * HZ * (1 + 1e-6 * record.clock_ppm))
     return u
 
 
-def _combination_text(vector, fitted):
+def _combination_text(vector, fit_parameters):
     """A direction in words: the parameters that make it up."""
     order = np.argsort(-np.abs(vector))
-    parts = [f"{vector[k]:+.2f} {fitted[k].key}" for k in order if abs(vector[k]) > 0.2]
+    parts = [f"{vector[k]:+.2f} {fit_parameters[k].key}" for k in order if abs(vector[k]) > 0.2]
     return " ".join(parts)
 
 
-def directions(jacobian, fitted):
+def directions(jacobian, fit_parameters):
     """`Direction`s, the least seen first."""
     values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
-    return tuple(Direction(float(v), _combination_text(vectors[:, k], fitted)) for k, v in enumerate(values))
+    return tuple(Direction(float(v), _combination_text(vectors[:, k], fit_parameters)) for k, v in enumerate(values))
 
 
 def calibrate(record, starts=2, engine=None, progress=None, seed=0):
@@ -185,29 +185,31 @@ def calibrate(record, starts=2, engine=None, progress=None, seed=0):
     """
     config = check_tables.stated_config(record)
     engine = engine or simulator.FrameSimulator()
-    fitted = parameters.read_parameters(record)
-    problem = Problem(record, config, fitted, engine, progress)
-    begin, rng = start(record, fitted), np.random.default_rng(seed)
+    fit_parameters = parameters.read_parameters(record)
+    problem = Problem(record, config, fit_parameters, engine, progress)
+    begin, rng = start(record, fit_parameters), np.random.default_rng(seed)
     loose = problem.solve(begin)
     problem.noise = None  # of the repeats about the first solution
     fits = [problem.solve(loose.u)]
-    locked = [p.key == "plant.fx_hz" for p in fitted]
+    locked = [p.key == "plant.fx_hz" for p in fit_parameters]
     for _ in range(starts - 1):
-        fits.append(problem.solve(begin + np.where(locked, 0.0, START_SPREAD * rng.normal(size=len(fitted)))))
+        fits.append(problem.solve(begin + np.where(locked, 0.0, START_SPREAD * rng.normal(size=len(fit_parameters)))))
     best = min(fits, key=lambda fit: fit.cost)
     model = problem.model(best.u)
-    sd_u = np.sqrt(np.diag(np.linalg.inv(best.jacobian.T @ best.jacobian + np.eye(len(fitted)))))
-    values = {p.key: p.value(x) for p, x in zip(fitted, best.u)}
+    sd_u = np.sqrt(np.diag(np.linalg.inv(best.jacobian.T @ best.jacobian + np.eye(len(fit_parameters)))))
+    values = {p.key: p.value(x) for p, x in zip(fit_parameters, best.u)}
     return Calibration(
-        parameters=fitted,
+        parameters=fit_parameters,
         values=values,
-        sd={p.key: p.sd(x, s) for p, x, s in zip(fitted, best.u, sd_u)},
+        sd={p.key: p.sd(x, s) for p, x, s in zip(fit_parameters, best.u, sd_u)},
         config=model,
         decrement=best.decrement,
         costs=tuple(fit.cost for fit in fits),
-        at_bound=tuple(p.key for p in fitted if min(values[p.key] - p.lo, p.hi - values[p.key]) < 1e-6 * (p.hi - p.lo)),
-        directions=directions(best.jacobian, fitted),
+        at_bound=tuple(
+            p.key for p in fit_parameters if min(values[p.key] - p.lo, p.hi - values[p.key]) < 1e-6 * (p.hi - p.lo)
+        ),
+        directions=directions(best.jacobian, fit_parameters),
         evaluations=problem.evaluations,
-        before=residuals.study_record(record, "R1", config, engine),
-        after=residuals.study_record(record, "R1", model, engine),
+        before=residuals.study_residuals(record, "R1", config, engine),
+        after=residuals.study_residuals(record, "R1", model, engine),
     )

@@ -37,7 +37,7 @@ class Floor(NamedTuple):
         return np.stack([np.linalg.solve(np.linalg.cholesky(c), row) for c, row in zip(correlation, scaled)])
 
 
-def estimate_floor(groups):
+def estimate_noise_floor(groups):
     """`Floor` of groups with two repeats or more; ValueError if there is none."""
     repeated = [g for g in groups if len(g.values) >= 2]
     if not repeated:

@@ -43,7 +43,7 @@ class Drive(NamedTuple):
 
 
 @inner
-def _tick_words(b, old, new, tick, n):
+def _fill_tick_words(b, old, new, tick, n):
     """Amplitude and rate words of `n` ticks, in which a window may leave others. Mutates `b`."""
     for k in range(n):
         slot = TICK_CYCLES * (tick + k) - 1 - new[VALID]
@@ -80,12 +80,12 @@ def _run(p, a, d, refs, b, codes):
         turn = still(clock, d.phase[n], old[WORD], p.fpga.design.dds_bits)
         head = FRAME_TICKS if new[VALID] < 0 else new[VALID] // TICK_CYCLES - tick
         if head > 0:
-            _tick_words(b, old, new, tick, head)
+            _fill_tick_words(b, old, new, tick, head)
             refs, staged = _block(p, a, d.bank, turn, refs, staged, tick, head, b)
         if head < FRAME_TICKS:
             turn = change_word(turn, new[VALID] + SLOT_PI + 1, new[WORD_MID])
             turn = change_word(turn, new[VALID] + SLOT_WORD + 1, new[WORD])
-            _tick_words(b, old, new, tick + head, FRAME_TICKS - head)
+            _fill_tick_words(b, old, new, tick + head, FRAME_TICKS - head)
             refs, staged = _block(p, a, d.bank, turn, refs, staged, tick + head, FRAME_TICKS - head, b)
         old = new
 

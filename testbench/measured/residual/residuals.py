@@ -18,7 +18,7 @@ from testbench.measured.record import check_tables, firmware_residual, schema
 from testbench.measured.record.sessions import segments, sessions
 from testbench.measured.residual import simulator
 from testbench.measured.residual.features import OBSERVABLES, bins, demand, features
-from testbench.measured.residual.noise_floor import Group, estimate_floor
+from testbench.measured.residual.noise_floor import Group, estimate_noise_floor
 from testbench.run import build
 
 DRAWS, FIRST_DRAW = 4, 10**12  # seeds that no recording has
@@ -59,7 +59,7 @@ def predict_sessions(record, config, kind, engine, draws, progress=None, exact=N
     firmware = build.firmware(config)
     models = [simulator.reseed_noise(config, FIRST_DRAW + k) for k in range(draws)] or [simulator.quiet(config)]
     exact = kind == "R1" and (sound(record) if exact is None else exact)
-    out, cache, record_sessions = [], {}, sessions(record)
+    out, prediction_cache, record_sessions = [], {}, sessions(record)
     for k, session in enumerate(record_sessions):
         if kind == "R1":
             drive = simulator.drive(record, session, firmware, exact)
@@ -69,9 +69,9 @@ def predict_sessions(record, config, kind, engine, draws, progress=None, exact=N
             # repeats that were told the same have one prediction
             task = simulator.task(record, session)
             key = b"".join(np.asarray(item).tobytes() for item in task)
-            if key not in cache:
-                cache[key] = [engine.free(model, task) for model in models]
-            out.append(cache[key])
+            if key not in prediction_cache:
+                prediction_cache[key] = [engine.free(model, task) for model in models]
+            out.append(prediction_cache[key])
         if progress:
             progress(f"{kind}, {engine.name} engine", k + 1, len(record_sessions))
     return out, exact
@@ -79,11 +79,11 @@ def predict_sessions(record, config, kind, engine, draws, progress=None, exact=N
 
 def sound(record):
     """True if the firmware replays to 0 LSB: its words are then known to the clock."""
-    replayed = firmware_residual.residual(record)
-    return replayed.decidable and replayed.first is None
+    replay_residual = firmware_residual.residual(record)
+    return replay_residual.decidable and replay_residual.first is None
 
 
-def study_record(record, kind, config=None, engine=None, draws=None, progress=None):
+def study_residuals(record, kind, config=None, engine=None, draws=None, progress=None):
     """`Study` of a checked record.
 
     kind    "R1" or "R2"
@@ -102,7 +102,7 @@ def study_record(record, kind, config=None, engine=None, draws=None, progress=No
     draws = (DRAWS if kind == "R2" else 0) if draws is None else draws
     predicted, exact = predict_sessions(record, config, kind, engine, draws, progress)
     groups, roles = differences(record, predicted, names)
-    noise, rows = estimate_floor(groups), []
+    noise, rows = estimate_noise_floor(groups), []
     for g in groups:
         mean, repeats = g.values.mean(axis=0), len(g.values)
         share = 1 / repeats + (1 / draws if draws else 0.0)

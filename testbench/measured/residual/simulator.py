@@ -66,13 +66,13 @@ def task(record, session):
     """`Task` of a session of a record."""
     return Task(
         session.frames,
-        _frame_values(record, "stimulus/rate", "rate", session) * DEG,
-        _frame_values(record, "stimulus/temperature", "temperature", session),
+        _stimulus_by_frame(record, "stimulus/rate", "rate", session) * DEG,
+        _stimulus_by_frame(record, "stimulus/temperature", "temperature", session),
         writes(record, session),
     )
 
 
-def _frame_values(record, table, key, session):
+def _stimulus_by_frame(record, table, key, session):
     """Values of a stimulus per frame, held from the frame in which they are stated."""
     edges, values = record.tables[table]["edge"].data, record.tables[table][key].data
     frame = np.arange(session.first, session.first + session.frames)
@@ -120,13 +120,13 @@ def _bank(log):
 def _from_words(record, session, firmware):
     """What the windows left, from the recorded words alone: a row shows what the window before it has done."""
     # another firmware's states are not known: its words are taken as those that act
-    supported = schema.has_supported_map(record)
-    for name in (*DRIVING, "state")[: len(DRIVING) + supported]:
+    has_supported_map = schema.has_supported_map(record)
+    for name in (*DRIVING, "state")[: len(DRIVING) + has_supported_map]:
         if name not in record.streams:
             raise ConfigError(f"plant replay: {name} is not recorded, and the firmware cannot be replayed")
     column = {name: record.streams[name].data[session.rows].astype(np.int64) for name in record.streams}
     later = {name: np.append(values[1:], values[-1]) for name, values in column.items() if len(values)}
-    state = later["state"] if supported else np.full(session.frames, sequencer.LOCKED)
+    state = later["state"] if has_supported_map else np.full(session.frames, sequencer.LOCKED)
     kick, kicked = state == sequencer.KICK, firmware.control.agc.kick
     amplitude = np.where(kick, kicked, later["amplitude_word"])
     halfway = np.where(kick, kicked, column["amplitude_word"])
@@ -153,10 +153,10 @@ class FrameSimulator:
         text = config.model_dump_json()
         if text not in self._built:
             self._built = {text: {}}
-        variants = self._built[text]
-        if (lo_degc, hi_degc) not in variants:
-            variants[lo_degc, hi_degc] = build.params(config, lo_degc, hi_degc)
-        return variants[lo_degc, hi_degc]
+        params_by_temperature = self._built[text]
+        if (lo_degc, hi_degc) not in params_by_temperature:
+            params_by_temperature[lo_degc, hi_degc] = build.params(config, lo_degc, hi_degc)
+        return params_by_temperature[lo_degc, hi_degc]
 
     def driven_codes(self, config, drive):
         temps = drive.temp_degc

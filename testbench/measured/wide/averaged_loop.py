@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_runs
-from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
+from testbench.measured.closed_loop.loop_difference_plant import disable_retiming
 from testbench.measured.closed_loop.loop_noise import JITTER, JITTER_HZ, LATER, NOISE_DRAWS, estimate_noise, jitter_hz
 from testbench.measured.closed_loop.loop_runs import FAST, NAMES, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import active_symmetries, correct_columns, weak
@@ -56,15 +56,15 @@ class AveragedLoop:
 
     def _rows(self, runs, kind=FAST):
         """(points, features) of runs, condition after condition; None for a point where one leaves its range."""
-        results, n = self.bench.run(runs, kind, lenient=kind == FAST), len(self.conditions)
-        parts = [results[i : i + n] for i in range(0, len(results), n)]
+        run_features, n = self.bench.run(runs, kind, lenient=kind == FAST), len(self.conditions)
+        parts = [run_features[i : i + n] for i in range(0, len(run_features), n)]
         return [None if any(v is None for v in rows) else np.concatenate(rows) for rows in parts]
 
-    def _draws(self, cfg, shift_hz, count, kind=FAST):
+    def _draws(self, cfg, condition_shifts_hz, count, kind=FAST):
         per_hz = 8 * np.pi**2 * cfg.plant.mass_kg * cfg.plant.fx_hz
 
         def run(k, draw):
-            hz = float(shift_hz[k] + jitter_hz(draw))
+            hz = float(condition_shifts_hz[k] + jitter_hz(draw))
             shifted_model = Model(cfg, (f"force_x = {-per_hz * hz!r} x",))
             return Run(shifted_model, self.conditions[k], SEED + 10_000 * k + draw, None, int(LATER[draw]))
 
@@ -72,7 +72,7 @@ class AveragedLoop:
         if any(v is None for v in rows):
             raise ConfigError("wide priors: the averaged plant leaves its range")
         jitter = np.mean([jitter_hz(d) for d in range(count)])
-        return np.array(rows) - self._word * (np.asarray(shift_hz)[self.condition] + jitter)
+        return np.array(rows) - self._word * (np.asarray(condition_shifts_hz)[self.condition] + jitter)
 
     def power_ons(self, cfg, count):
         """[(count, features) of each condition] of the averaged plant of a configuration."""
@@ -132,32 +132,32 @@ class AveragedLoop:
 
     def slip_free_features(self, u):
         """Features with one noise, without slips of edges; None where the board does not lock."""
-        results = self._slip_free_features(u, [u])
-        return results and results[0]
+        point_features = self._predict_slip_free(u, [u])
+        return point_features and point_features[0]
 
     def columns(self, u, which, sigma, measured=False):
         """(features, columns dy/du of the indices `which`, 0 elsewhere) with one noise, without slips of edges.
 
         measured  the weak directions by steps of their own.  None where the board does not lock
         """
-        dependents = active_symmetries([self._keys[k] for k in which])
-        stepped_indices = [k for k in which if self._keys[k] not in dependents]
-        results = self._slip_free_features(u, [u, *(u + self._steps[k] * self._unit[k] for k in stepped_indices)])
-        if results is None:
+        symmetry_by_key = active_symmetries([self._keys[k] for k in which])
+        stepped_indices = [k for k in which if self._keys[k] not in symmetry_by_key]
+        point_features = self._predict_slip_free(u, [u, *(u + self._steps[k] * self._unit[k] for k in stepped_indices)])
+        if point_features is None:
             return None
-        base, *stepped = results
+        base, *stepped_features = point_features
         out = np.zeros((len(base), len(u)))
-        for k, row in zip(stepped_indices, stepped):
+        for k, row in zip(stepped_indices, stepped_features):
             out[:, k] = (row - base) / self._steps[k]
             self._steps[k] = np.clip(AIM / max(np.linalg.norm(out[:, k] / sigma), 1e-9), *STEPS)
-        out = self._tie(out, u, dependents)
-        return base, self._measure_directions(u, out, sigma) if measured else out
+        out = self._tie(out, u, symmetry_by_key)
+        return base, self._measure_weak_directions(u, out, sigma) if measured else out
 
-    def _slip_free_features(self, start, points):
+    def _predict_slip_free(self, start, points):
         """Features of points with even references and one noise, from the lock of `start`; None if one fails."""
         try:
             first = self.config(start)
-            models = [Model(use_uniform_references(self.config(point))) for point in points]
+            models = [Model(disable_retiming(self.config(point))) for point in points]
             rows = self._rows(
                 [Run(m, c, SEED + 10_000 * i, first, 0, True) for m in models for i, c in enumerate(self.conditions)]
             )
@@ -165,21 +165,21 @@ class AveragedLoop:
             return None
         return None if any(row is None for row in rows) else rows
 
-    def _measure_directions(self, u, columns, sigma):
+    def _measure_weak_directions(self, u, columns, sigma):
         """Columns with their weak directions measured; those whose steps fail stay as they are."""
         directions, changes = [], []
         for d, step in weak(columns / sigma[:, None]):
-            results = self._slip_free_features(u, [u + step * d, u - step * d])
-            if results is not None:
+            side_features = self._predict_slip_free(u, [u + step * d, u - step * d])
+            if side_features is not None:
                 directions.append(d)
-                changes.append((results[0] - results[1]) / (2 * step))
+                changes.append((side_features[0] - side_features[1]) / (2 * step))
         return correct_columns(columns, directions, changes)
 
-    def _tie(self, columns, u, dependents):
+    def _tie(self, columns, u, symmetry_by_key):
         """Columns whose held ones follow from their partners. Mutates `columns`."""
         values = self.values(u)
         per_u = {p.key: p.sd(x, 1.0) for p, x in zip(self.parameters, u)}
         per_unit = {key: columns[:, k] / per_u[key] for k, key in enumerate(self._keys)}
-        for key, symmetry in dependents.items():
+        for key, symmetry in symmetry_by_key.items():
             columns[:, self._keys.index(key)] = symmetry.column(values, per_unit) * per_u[key]
         return columns

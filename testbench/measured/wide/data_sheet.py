@@ -13,7 +13,7 @@ from testbench.errors import ConfigError
 from testbench.measured.residual.parameters import LIMITS, Parameter
 from testbench.storage.inputs import read_toml
 
-BUNDLED_SHEET = Path(__file__).with_name("data_sheet.toml")
+BUNDLED_PATH = Path(__file__).with_name("data_sheet.toml")
 LIMIT = {"relative": (0.0, 1.0), "factor": (1.0, 10.0)}
 WIDE = 2e-3  # of the value, or of the logarithm: the linear model holds for less
 BUNDLED_NAME = "sheet"

@@ -23,7 +23,7 @@ from testbench.measured.wide import noise_levels
 from testbench.measured.wide.averaged_loop import AveragedLoop
 
 CAP = 300.0
-NOISE, DRAWS, MOST_ATTEMPTS = 8, 8, 3  # of the averaged plant: for its noise, for a prediction of the last stage
+NOISE, DRAWS, MOST_EXACT_ATTEMPTS = 8, 8, 3  # of the averaged plant: for its noise, for a prediction of the last stage
 SMALL_STEP, SHORT = (
     5.0,
     0.02,
@@ -86,8 +86,8 @@ class Estimate(NamedTuple):
     def lines(self):
         """Lines for the report: how the stages have ended."""
         end = f"rms of the features {self.rms:.3g} sigmas" + ("" if self.converged else ", NOT converged")
-        summary = f"wide priors: {len(self.parameters)} parameters from the record itself, {end}"
-        return (summary, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall), *self.noise)
+        summary_line = f"wide priors: {len(self.parameters)} parameters from the record itself, {end}"
+        return (summary_line, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall), *self.noise)
 
 
 class Work:
@@ -132,10 +132,10 @@ class Work:
         low, high = np.maximum(-WALL - self.u[which], -radius), np.minimum(WALL - self.u[which], radius)
         return lsq_linear(a, b, bounds=(np.minimum(low, -1e-9), np.maximum(high, 1e-9))).x, a, b
 
-    def features(self, u):
+    def predict_features(self, u):
         """Features at a point: of the averaged plant, and what the exact engine has beyond it. None without lock."""
-        slip_free = self.loop.slip_free_features(u)
-        return None if slip_free is None else slip_free + self.exact_excess
+        slip_free_features = self.loop.slip_free_features(u)
+        return None if slip_free_features is None else slip_free_features + self.exact_excess
 
     def run_exact_stage(self, stage):
         """The last stage, on the averaged plant beside the exact engine, until another look at both moves little.
@@ -147,11 +147,11 @@ class Work:
             self.sigma, self.whitening = self.loop.whitening_matrix(self.u)
         except ConfigError:
             return False
-        for attempt in range(MOST_ATTEMPTS):
-            mean, slip_free = self.loop.mean(self.u, DRAWS, EXACT), self.loop.slip_free_features(self.u)
-            if mean is None or slip_free is None:
+        for attempt in range(MOST_EXACT_ATTEMPTS):
+            mean, slip_free_features = self.loop.mean(self.u, DRAWS, EXACT), self.loop.slip_free_features(self.u)
+            if mean is None or slip_free_features is None:
                 return False
-            self.exact_excess, begun = mean[0] - slip_free, slip_free
+            self.exact_excess, begun = mean[0] - slip_free_features, slip_free_features
             ended = self.run_stage(stage, self.last_columns[1] if attempt else None)
             if ended and np.linalg.norm(self.whitening @ (self.loop.slip_free_features(self.u) - begun)) < SMALL_STEP:
                 return True
@@ -166,7 +166,7 @@ class Work:
         which = [k for k, key in enumerate(keys) if not stage.keys or key in stage.keys]
         if not which:
             return True
-        radius, features = REGION, self.features(self.u)
+        radius, features = REGION, self.predict_features(self.u)
         if features is None:
             return False
         for k in range(stage.steps):
@@ -180,15 +180,15 @@ class Work:
                 columns = tangents[1][:, which]
                 self.last_columns = which, columns
             w, gap = self.weights(features, stage.observables), self.loop.residual(features)
-            full_step, a, b = self.step(gap, columns, which, w, REGION)
-            change = full_step if radius == REGION else self.step(gap, columns, which, w, radius)[0]
+            full_region_step, a, b = self.step(gap, columns, which, w, REGION)
+            change = full_region_step if radius == REGION else self.step(gap, columns, which, w, radius)[0]
             ahead = self.u.copy()
             ahead[which] += change
-            new_features = self.features(ahead)
+            new_features = self.predict_features(ahead)
             before = self.cost(self.u, features, w)
             promised = float(b @ b - np.sum((b - a @ change) ** 2))
             gain_ratio = (before - self.cost(ahead, new_features, w)) / max(promised, TINY)
-            step_sigma, free = (float(np.linalg.norm((a @ d)[: len(w)])) for d in (change, full_step))
+            step_sigma, free = (float(np.linalg.norm((a @ d)[: len(w)])) for d in (change, full_region_step))
             self.steps.append(Step(stage.name, self.rms(features, stage.observables), step_sigma, gain_ratio, radius))
             if gain_ratio > GOOD:
                 radius = min(REGION, radius / SHRINK)
@@ -216,8 +216,8 @@ class Work:
         features = self.loop.slip_free_features(self.u)
         if SPLIT not in keys or features is None or self.rms(features, last.observables) < FITTED:
             return ended
-        begun, weights, candidates = self.u, self.weights(features, last.observables), []
-        candidates.append((self.cost(begun, features, weights), 0, begun, ended))
+        begun, weights, minima = self.u, self.weights(features, last.observables), []
+        minima.append((self.cost(begun, features, weights), 0, begun, ended))
         for side in (-1, 1):
             self.u = begun.copy()
             self.u[keys.index(SPLIT)] = np.clip(begun[keys.index(SPLIT)] + side, -WALL, WALL)
@@ -225,10 +225,10 @@ class Work:
                 self.u[keys.index(RING)] = 0.0
             ended = [self.run_stage(stage) for stage in STAGES[ALL - 1 : ALL + 1]][-1]
             new_features = self.loop.slip_free_features(self.u)
-            candidates.append((self.cost(self.u, new_features, weights), side, self.u, ended))
+            minima.append((self.cost(self.u, new_features, weights), side, self.u, ended))
             if new_features is not None and self.rms(new_features, last.observables) < FITTED:
                 break
-        *_, self.u, ended = min(candidates)
+        *_, self.u, ended = min(minima)
         return ended
 
 
@@ -248,5 +248,5 @@ def estimate(measured, model, parameters, bench, progress=None):
         raise ConfigError(
             "wide priors: the stages end at a board that does not lock under the conditions of the record"
         )
-    cfg, noise = noise_levels.estimate_flicker(loop, loop.config(work.u))
+    cfg, noise = noise_levels.fit_flicker_level(loop, loop.config(work.u))
     return Estimate(fitted_parameters, cfg, tuple(work.steps), walls, work.rms(end[0], NAMES), ends[-1], noise)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import helmert
 
 from testbench import config as configuration
-from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
+from testbench.measured.closed_loop.loop_difference_plant import disable_retiming
 from testbench.measured.closed_loop.loop_runs import NAMES
 
 KEY = "plant.sid_flicker_v_per_rthz"
@@ -23,7 +23,7 @@ PRIOR = np.log(2.0)  # sd of the logarithm of a level
 REPORT_GAIN = 16.0  # gain of -2 ln of the posterior over the declared level: four sigmas, for W and F are of few draws
 
 
-def estimate_flicker(loop, cfg):
+def fit_flicker_level(loop, cfg):
     """(configuration with the level, lines) of an `AveragedLoop` at the board of a configuration."""
     bins = min(BINS, *(rows.shape[1] // len(NAMES) for rows in loop.recorded))
     # orthonormal contrasts of n repeats: n - 1 rows with the variance of one
@@ -32,16 +32,16 @@ def estimate_flicker(loop, cfg):
     if not any(map(len, contrasts)) or not declared or not cfg.noise.flicker:
         return cfg, ()
 
-    def slow_draws(of):
+    def simulate_slow_features(of):
         return np.stack([_slow(rows, bins) for rows in loop.power_ons(of, DRAWS)])
 
-    no_flicker = configuration.changed(cfg, {KEY: 0.0})
-    other_noise = slow_draws(no_flicker)
-    flicker = slow_draws(use_uniform_references(cfg)) - slow_draws(use_uniform_references(no_flicker))
-    other_noise -= other_noise.mean(axis=1, keepdims=True)
-    level, gain = likeliest(contrasts, covariances(other_noise), covariances(flicker))
-    text = f"noise: 1/f noise of the demodulators: {level:.2g} times the declared level, as the repeats differ"
-    return configuration.changed(cfg, {KEY: level * declared}), (text,) if gain > REPORT_GAIN else ()
+    flicker_free = configuration.changed(cfg, {KEY: 0.0})
+    other_noise_draws = simulate_slow_features(flicker_free)
+    flicker = simulate_slow_features(disable_retiming(cfg)) - simulate_slow_features(disable_retiming(flicker_free))
+    other_noise_draws -= other_noise_draws.mean(axis=1, keepdims=True)
+    level, gain = likeliest(contrasts, covariances(other_noise_draws), covariances(flicker))
+    level_text = f"noise: 1/f noise of the demodulators: {level:.2g} times the declared level, as the repeats differ"
+    return configuration.changed(cfg, {KEY: level * declared}), (level_text,) if gain > REPORT_GAIN else ()
 
 
 def likeliest(contrasts, other_covariances, flicker):

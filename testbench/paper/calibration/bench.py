@@ -156,7 +156,7 @@ class Bench:
             self._sim.advance(self._ticks(seconds), rate, self.temp_degc)
         return Rows(sink.pieces)
 
-    def record_stamps(self, seconds):
+    def record_with_stamps(self, seconds):
         """`Rows` of the next seconds, in the last STAMP_S of which the counter stamps the drive's sgn(sin)."""
         with self._rows() as sink:
             first_row = self._first_row()

@@ -93,8 +93,8 @@ class Pass(NamedTuple):
     """One pass of the procedure: what each step found, and what else was seen on the way."""
 
     estimates: dict  # node -> Estimate, before the word was moved
-    observations: dict
-    remaining_deg: dict  # node -> expanded uncertainty of what is left of it afterwards
+    extra_numbers: dict
+    uncertainty_deg: dict  # node -> expanded uncertainty of what is left of it afterwards
 
 
 class Calibration(NamedTuple):
@@ -124,7 +124,7 @@ class TurnedReading:
             self.bench.settle(SETTLE_S)
 
 
-def _find_start(bench, rows, of="drive"):
+def _words_and_start(bench, rows, of="drive"):
     """(words, `grid.Start`) of rows in which the pin of a channel was stamped."""
     words = rows["frequency_word"]
     return words, grid.start(words, rows.stamps, bench.read(f"phase_{of}_ref"), bench.grid)
@@ -132,9 +132,9 @@ def _find_start(bench, rows, of="drive"):
 
 def pin_delay(bench, rows, weights, channel="drive", of="drive", cosine=False):
     """`grid.EdgeDelay` of a channel's sgn(sin) or sgn(cos) over stamped rows; `of` the channel of the stamped pin."""
-    words, begun = _find_start(bench, rows, of)
+    words, begun = _words_and_start(bench, rows, of)
     offset = bench.read(f"phase_{channel}_ref") + cosine * bench.grid.turn // 4
-    return grid.edge_delay(words, weights, begun, offset, bench.grid)
+    return grid.mean_edge_delay(words, weights, begun, offset, bench.grid)
 
 
 def rung(bench, rows, omega):
@@ -142,7 +142,7 @@ def rung(bench, rows, omega):
 
     The ring, 20 times as large before the demodulator, times a line of the reference's lateness at the same place.
     """
-    words, begun = _find_start(bench, rows)
+    words, begun = _words_and_start(bench, rows)
     weights, step, x = grid.hann(len(rows)), omega * bench.frame_s, rows["adc_sense_cos"].astype(float)
     ring_amplitude = 2 * abs(np.sum(weights * (x - x.mean()) * np.exp(-1j * step * np.arange(len(x))))) / weights.sum()
     corner_hz = sid.corner_hz(bench.drawing.sid_r_ohm * bench.drawing.sid_c_f)
@@ -154,13 +154,13 @@ def rung(bench, rows, omega):
 def interval(bench, channel, turns_deg=COUNTER_TURNS_DEG):
     """`Readings` of the lag of an electrode voltage behind its undisplaced sgn(sin); sgn(cos) is read as well."""
     turned, lags_deg, sd_deg = TurnedReading(bench), [], []
-    reference_deg = bench.phases_deg()[f"phase_{channel}_ref"]
+    reference_phase_deg = bench.phases_deg()[f"phase_{channel}_ref"]
     for turn in turns_deg:
         turned.to(turn)
         r, rows = bench.counter(channel)
-        displacement_deg = reference_deg - (turn if channel == "drive" else 0.0)
+        reference_shift_deg = reference_phase_deg - (turn if channel == "drive" else 0.0)
         pins = [pin_delay(bench, rows, grid.hann(len(rows)), channel, channel, cosine) for cosine in (False, True)]
-        lags_deg.append((r.lag_deg + r.cos_lag_deg + pins[0].deg + pins[1].deg) / 2 - displacement_deg)
+        lags_deg.append((r.lag_deg + r.cos_lag_deg + pins[0].deg + pins[1].deg) / 2 - reference_shift_deg)
         sd_deg.append((pins[0].sd_deg + pins[1].sd_deg) / 2)
     turned.to(0.0)
     return Readings(np.array(lags_deg), np.array(sd_deg))
@@ -185,11 +185,11 @@ def detune(bench, angles_deg=DETUNE_DEG):
         level, pin = {}, {}
         for sign in (side, -side):
             turned.to(sign * theta)
-            rows = bench.record_stamps(DETUNE_S)
+            rows = bench.record_with_stamps(DETUNE_S)
             level[sign] = math.log(rows.mean("amplitude_word") / rows.mean("frequency_word"))
             pin[sign] = pin_delay(bench, rows, np.ones(len(rows)))
-        ahead, half_difference = (pin[1.0].deg + pin[-1.0].deg) / 2, (pin[1.0].deg - pin[-1.0].deg) / 2
-        angles.append(log_cosine_ratio(theta + half_difference, level[1.0] - level[-1.0]) + ahead)
+        ahead, delay_asymmetry_deg = (pin[1.0].deg + pin[-1.0].deg) / 2, (pin[1.0].deg - pin[-1.0].deg) / 2
+        angles.append(log_cosine_ratio(theta + delay_asymmetry_deg, level[1.0] - level[-1.0]) + ahead)
         sd_deg.append(math.hypot(pin[1.0].sd_deg, pin[-1.0].sd_deg) / 2)
         side = -side  # the next angle begins where this one ends
     turned.to(0.0)
@@ -201,12 +201,12 @@ def minimum(bench):
     _fix_sense(bench, 2.0)
     levels, turns, at = [], [], 0.0
     for turn in (*SCAN_DEG, *reversed(SCAN_DEG)):
-        at = _turn_references(bench, at, turn)
+        at = _turn_drive_references(bench, at, turn)
         bench.settle(SETTLE_S - 0.5)
-        rows = bench.record_stamps(SCAN_S)
+        rows = bench.record_with_stamps(SCAN_S)
         levels.append(math.log(rows.mean("amplitude_word")))
         turns.append(turn - pin_delay(bench, rows, np.ones(len(rows))).deg)
-    _turn_references(bench, at, 0.0)
+    _turn_drive_references(bench, at, 0.0)
     bench.set_control(0)
     bench.settle(SETTLE_S)
     # ln A_d = c - ln cos(psi + turn): linear in tan(psi) once the known cosine is taken out
@@ -226,7 +226,7 @@ def minimum(bench):
     return Estimate(math.degrees(math.atan(slope)) + offset_deg(bench), math.degrees(k * sd))
 
 
-def _turn_references(bench, at, turn):
+def _turn_drive_references(bench, at, turn):
     """Turn the drive references from `at` to `turn` (deg) in steps well below the loop's limit of 30 deg."""
     while abs(turn - at) > 1e-9:
         step = math.copysign(min(abs(turn - at), 12.0), turn - at)
@@ -252,13 +252,13 @@ def force_interval(bench, turns_deg=COUNTER_TURNS_DEG):
     _fix_sense(bench, 1.0)
     bench.write("rate_fixed", FORCE_WORD)
     bench.settle(0.2)
-    readings = interval(bench, "sense", turns_deg)
+    lag_readings = interval(bench, "sense", turns_deg)
     bench.set_control(0)
     bench.settle(SETTLE_S)
-    return readings
+    return lag_readings
 
 
-def fit_ring(codes, split_hz, frame_s):
+def fit_ringing(codes, split_hz, frame_s):
     """Split (rad/s) and decay time (s) of the line that rings in a record of codes, near the drawing's split."""
     x = codes - codes.mean()
     n = len(x)
@@ -279,8 +279,8 @@ def fit_ring(codes, split_hz, frame_s):
     return omega, -1.0 / float(np.polyfit(t, level, 1)[0])
 
 
-def fit_step_ring(codes, split_hz, decay_s, rc_s, frame_s):
-    """As `fit_ring`, of a line that has gone before the codes are read: from the codes right after a chop.
+def fit_step_ringing(codes, split_hz, decay_s, rc_s, frame_s):
+    """As `fit_ringing`, of a line that has gone before the codes are read: from the codes right after a chop.
 
     decay_s  of the drawing;  rc_s  of the demodulator, whose own transient is left out
     """
@@ -293,12 +293,12 @@ def fit_step_ring(codes, split_hz, decay_s, rc_s, frame_s):
         basis = np.stack([line.real, line.imag, np.ones_like(t)], axis=1)
         return basis @ np.linalg.lstsq(basis, x, rcond=None)[0] - x
 
-    scales = least_squares(residual, (1.0, 1.0), bounds=((RING_PARTS[0], 0.1), (RING_PARTS[1], 10.0))).x
-    return scales[0] * 2 * math.pi * split_hz, scales[1] * decay_s
+    nominal_factors = least_squares(residual, (1.0, 1.0), bounds=((RING_PARTS[0], 0.1), (RING_PARTS[1], 10.0))).x
+    return nominal_factors[0] * 2 * math.pi * split_hz, nominal_factors[1] * decay_s
 
 
 def chop(bench, turns_deg=CHOP_TURNS_DEG):
-    """(`Readings`, observations) of the sense pickoff's psi: what V_q = 0 does to both codes, force word at A_I = 0.
+    """(`Readings`, extra numbers) of the sense pickoff's psi: what V_q = 0 does to both codes, force word at A_I = 0.
 
     x stands on the drive's references, y is read by the sense's: the lateness of both counts, only while V_q is 0.
     y rings after each chop. Where a line of lateness meets the ring the mean of the codes is off: `rung`.
@@ -315,20 +315,20 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
             bench.write("quadrature_fixed", value)
             settling = bench.record(CHOP_SETTLE_S * bench.pace)
             steps.append(settling["adc_sense_cos"].astype(float))
-            rows = bench.record_stamps(CHOP_S / 2 if value else CHOP_S)
+            rows = bench.record_with_stamps(CHOP_S / 2 if value else CHOP_S)
             levels.append((rows.hann("adc_sense_sin"), rows.hann("adc_sense_cos")))
             records.append(rows)
         (i0, q0), (i1, q1), (i2, q2) = levels
-        quadrature_step = q1 - (q0 + q2) / 2
+        quadrature_code_step = q1 - (q0 + q2) / 2
         weights = grid.hann(len(records[1]))
         x, y = (pin_delay(bench, records[1], weights, channel) for channel in ("drive", "sense"))
-        angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / quadrature_step)) - x.deg + y.deg)
+        angles.append(math.degrees(math.atan((i1 - (i0 + i2) / 2) / quadrature_code_step)) - x.deg + y.deg)
         if decay_s < CHOP_SETTLE_S * bench.pace / 4:
-            rings.append(fit_step_ring(steps[1], abs(split_hz), decay_s, rc_s, bench.frame_s))
+            rings.append(fit_step_ringing(steps[1], abs(split_hz), decay_s, rc_s, bench.frame_s))
         else:
-            rings.append(fit_ring(records[1]["adc_sense_cos"].astype(float), abs(split_hz), bench.frame_s))
+            rings.append(fit_ringing(records[1]["adc_sense_cos"].astype(float), abs(split_hz), bench.frame_s))
         off = [share * rung(bench, rows, rings[-1][0]) for share, rows in zip((0.5, 1.0, 0.5), records)]
-        sd_deg.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / quadrature_step)))
+        sd_deg.append(math.hypot(x.sd_deg, y.sd_deg, math.degrees(math.hypot(*off) / quadrature_code_step)))
         opened.append(abs(q1))
         closed.append(abs(i0))
     turned.to(0.0)
@@ -340,7 +340,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
     lead_deg = math.degrees(math.atan(2 * drive / (decay_s * split * (2 * drive - split))))
     decay_spread = float(np.std([r[1] for r in rings])) / decay_s
     psi = Readings(np.array(angles) + lead_deg - offset_deg(bench), np.array(sd_deg), lead_deg * decay_spread)
-    observations = {
+    extra_numbers = {
         "force_word": word,
         "null_v": math.sqrt(u / 2**32) * bench.drawing.quad_dac_span_v,
         "quadrature_code": float(np.mean(opened)),
@@ -349,7 +349,7 @@ def chop(bench, turns_deg=CHOP_TURNS_DEG):
         "decay_s": decay_s,
         "mode_lead_deg": lead_deg,
     }
-    return psi, observations
+    return psi, extra_numbers
 
 
 # what a reading falls by for the words: +1 is the word's own degrees
@@ -373,27 +373,27 @@ def one_pass(bench, compare, say=None, before=None):
     before   readings of an earlier pass, which count as these do
     compare  take the minimum of A_d, too
     """
-    estimates, observations, zero_readings, best = {}, {}, {}, {}
+    estimates, extra_numbers, zero_word_readings, best = {}, {}, {}, {}
     for node, measure in STEPS.items():
         if say:
             say(node)
         if compare and node == "xe2":
-            observations["xe2_minimum"] = minimum(bench)
-        readings, more = measure(bench)
-        observations |= more
+            extra_numbers["xe2_minimum"] = minimum(bench)
+        node_readings, more = measure(bench)
+        extra_numbers |= more
         words = bench.phases_deg()
-        word_deg = sum(sign * words[name] for name, sign in WORDS[node].items())
-        estimates[node] = readings.estimate()
-        zero_readings[node] = readings.add_angle(word_deg)
+        compensation_deg = sum(sign * words[name] for name, sign in WORDS[node].items())
+        estimates[node] = node_readings.estimate()
+        zero_word_readings[node] = node_readings.add_angle(compensation_deg)
         if before:
-            zero_readings[node] = join_passes(before[node], zero_readings[node])
-        best[node] = zero_readings[node].estimate()
-        bench.advance_phase_deg(REGISTER[node], WORDS[node][REGISTER[node]] * (best[node].deg - word_deg))
+            zero_word_readings[node] = join_passes(before[node], zero_word_readings[node])
+        best[node] = zero_word_readings[node].estimate()
+        bench.advance_phase_deg(REGISTER[node], WORDS[node][REGISTER[node]] * (best[node].deg - compensation_deg))
         bench.settle(SETTLE_S)
     # xe2 counts from x's force, ye2 from where x stands: their uncertainties add
     u = {node: e.uncertainty_deg for node, e in best.items()}
     total = u | {"xe2": math.hypot(u["xe2"], u["xe1"]), "ye2": math.hypot(u["ye2"], u["xe2"], u["xe1"])}
-    return Pass(estimates, observations, total), zero_readings
+    return Pass(estimates, extra_numbers, total), zero_word_readings
 
 
 def calibrate(bench, compare=True, say=None):
@@ -402,13 +402,13 @@ def calibrate(bench, compare=True, say=None):
     Returns `Calibration`; the words stay in the registers.
     """
     begin = bench.phases_deg()
-    first, readings = one_pass(bench, compare, say)
-    second, _ = one_pass(bench, False, say, readings)
+    first, first_readings = one_pass(bench, compare, say)
+    second, _ = one_pass(bench, False, say, first_readings)
     last, cases, words = bench.phases_deg(), {1: begin}, dict(begin)
     for number, node in enumerate(NODES, 2):
         words[REGISTER[node]] = last[REGISTER[node]]
         cases[number] = dict(words)
-    return Calibration(cases, first, second, second.remaining_deg)
+    return Calibration(cases, first, second, second.uncertainty_deg)
 
 
 __all__ = ["NODES", "PHASE_REGISTERS", "REGISTER", "Calibration", "Estimate", "Pass", "calibrate", "chop", "detune"]

@@ -49,6 +49,6 @@ def draw(base, seed, number):
     return configuration.changed(base, values)
 
 
-def draw_boards(base, seed, count):
+def random_boards(base, seed, count):
     """Boards 0 .. count - 1 of a seed."""
     return [draw(base, seed, k) for k in range(count)]

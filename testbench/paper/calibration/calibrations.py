@@ -35,14 +35,14 @@ def one(config, temp_degc, compare, say, engine=None):
         "found_uncertainty_deg": {node: first[node].uncertainty_deg for node in NODES},
         "second_pass_deg": {node: again[node].deg for node in NODES},
         "second_pass_uncertainty_deg": {
-            node: math.hypot(again[node].uncertainty_deg, calibration.first.remaining_deg[node]) for node in NODES
+            node: math.hypot(again[node].uncertainty_deg, calibration.first.uncertainty_deg[node]) for node in NODES
         },
         "registers": {name: offset_of_deg(value, bench.design) for name, value in words.items()},
         "phases_deg": words,
         "cases_deg": {str(case): values for case, values in calibration.cases.items()},
         "frequency_hz": truth.frequency_hz,
         "minutes": bench.time_s / 60,
-        "seen": {k: (v._asdict() if hasattr(v, "_asdict") else v) for k, v in calibration.first.observations.items()},
+        "seen": {k: (v._asdict() if hasattr(v, "_asdict") else v) for k, v in calibration.first.extra_numbers.items()},
         "locked": bench.locked,
     }
     return out
@@ -56,17 +56,17 @@ def many(base, count, seed, temp_degc=25.0, compare=False, progress=None, engine
     configs = (
         [base]
         if count == 1 and seed is None
-        else calibration_boards.draw_boards(base, 0 if seed is None else seed, count)
+        else calibration_boards.random_boards(base, 0 if seed is None else seed, count)
     )
     out = []
     for number, config in enumerate(configs):
 
-        def report_board(step, number=number):
+        def report_board_step(step, number=number):
             if progress:
                 progress(f"board {number + 1}: {step}", number, len(configs))
 
-        report_board("start")
-        out.append(one(config, temp_degc, compare, report_board, engine) | {"board": number})
+        report_board_step("start")
+        out.append(one(config, temp_degc, compare, report_board_step, engine) | {"board": number})
     return out
 
 
@@ -74,9 +74,9 @@ def summary(results):
     """Verdict over boards: largest residual of each phase, how often the uncertainty covers it, and the two levels."""
     rows = {}
     for node in NODES:
-        residuals_deg = [abs(r["residual_deg"][node]) for r in results]
+        abs_residuals_deg = [abs(r["residual_deg"][node]) for r in results]
         rows[node] = {
-            "largest_deg": max(residuals_deg),
+            "largest_deg": max(abs_residuals_deg),
             "covered": sum(r["covered"][node] for r in results),
             "unchanged": sum(
                 abs(r["second_pass_deg"][node]) <= r["second_pass_uncertainty_deg"][node] for r in results

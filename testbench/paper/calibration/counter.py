@@ -42,15 +42,15 @@ def _responses(poles_s, instant_s, tick_s):
     """Electrode voltage at TABLE + 1 instants of a tick: weights of the chain state, of the held input, of the step."""
     rates = 1.0 / np.asarray(poles_s)
     a = np.diag(-rates) + np.diag(rates[1:], -1)
-    transition = expm(a * (tick_s / TABLE))
+    transition_matrix = expm(a * (tick_s / TABLE))
     free = np.empty((TABLE + 1, 3))
     state = np.eye(3)
     for k in range(TABLE + 1):
         free[k] = state[2]
-        state = state @ transition
+        state = state @ transition_matrix
     settled = 1.0 - free.sum(axis=1)
-    since_step = np.arange(TABLE + 1) - instant_s / tick_s * TABLE
-    step = np.interp(since_step, np.arange(TABLE + 1), settled, left=0.0)
+    instants_since_step = np.arange(TABLE + 1) - instant_s / tick_s * TABLE
+    step = np.interp(instants_since_step, np.arange(TABLE + 1), settled, left=0.0)
     return free, settled, step
 
 

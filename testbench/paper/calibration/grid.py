@@ -77,8 +77,8 @@ def start(words, stamps, offset, grid):
     step = int(words.max()) * grid.clocks
     low, high = int(off.max()), int(off.min()) + step
     if high - low < -SLACK * step:
-        disagreement = (low - high) / step
-        raise ValueError(f"stamps: edges disagree with the words by {disagreement:.2g} of the grid, limit {SLACK}")
+        mismatch_steps = (low - high) / step
+        raise ValueError(f"stamps: edges disagree with the words by {mismatch_steps:.2g} of the grid, limit {SLACK}")
     return Start(*sorted((int(least[0]) + low, int(least[0]) + high)))
 
 
@@ -95,12 +95,12 @@ def _mean(words, weights, turning, first, grid):
     return total / share / grid.turn
 
 
-def edge_delay(words, weights, begun, offset, grid):
+def mean_edge_delay(words, weights, begun, offset, grid):
     """`EdgeDelay` of the edges of both slopes of a reference; weights of the frames, `begun` their `Start`."""
     words, weights = np.asarray(words, np.int64), np.asarray(weights, float)
     inside = (begun.low + (2 * k + 1) * (begun.high - begun.low) // (2 * INSIDE) for k in range(INSIDE))
-    delays = [float(_mean(words, weights, 1.0, first + offset, grid)) for first in inside]
-    return EdgeDelay(360.0 * float(np.mean(delays)), 360.0 * float(np.std(delays)))
+    delays_turns = [float(_mean(words, weights, 1.0, first + offset, grid)) for first in inside]
+    return EdgeDelay(360.0 * float(np.mean(delays_turns)), 360.0 * float(np.std(delays_turns)))
 
 
 def line_deg(words, weights, begun, offset, grid, omega_frame):

@@ -47,13 +47,13 @@ def smallest(z, mode, best=2):
     """{class: [`Move`, ...]} for each change between cases; z (priors,), mode of numbers: a board."""
     d = np.arange(-REACH, REACH + STEP, STEP)
     one = {name: np.full(len(d), choice) for name, choice in mode.items()}
-    base = forward.compute_rows(np.tile(z, (len(d), 1)), one)
-    moves = {}
+    base = forward.compute_board_rows(np.tile(z, (len(d), 1)), one)
+    class_moves = {}
     for k, prior in enumerate(priors.PRIORS):
         shifted_z = np.tile(z, (len(d), 1))
         shifted_z[:, k] += d
         with np.errstate(all="ignore"):
-            shifted_rows = forward.compute_rows(shifted_z, one, (4, 5))
+            shifted_rows = forward.compute_board_rows(shifted_z, one, (4, 5))
             for group in rows.STEPPED:
                 for step in rows.STEPS:
                     unmet = _unmet(base, shifted_rows, group, step)
@@ -63,8 +63,8 @@ def smallest(z, mode, best=2):
                     still = float(unmet[len(d) // 2])
                     item = Move(f"{group}_{step}", prior.name, prior.unit, *map(float, v), float(d[at]), still,
                                 float(unmet[at]))  # fmt: skip
-                    moves.setdefault(item.group, []).append(item)
-    return {group: sorted(items, key=lambda i: i.together + i.moved**2)[:best] for group, items in moves.items()}
+                    class_moves.setdefault(item.group, []).append(item)
+    return {group: sorted(items, key=lambda i: i.together + i.moved**2)[:best] for group, items in class_moves.items()}
 
 
 def _unmet(base, shifted_rows, group, step):
@@ -73,14 +73,14 @@ def _unmet(base, shifted_rows, group, step):
     total = 0.0
     for row in likelihood.STEPPED:
         if row.group == f"{group}_{step}":
-            change = forward.step_change(
+            change = forward.relative_case_change(
                 base.cases[case_before, group, row.temp_degc], shifted_rows.cases[case_after, group, row.temp_degc]
             )
             total = total + ((np.abs(change) - row.value) / row.sigma) ** 2
     return total
 
 
-def _shift_rows(post, draws, exact, fold, k, d):
+def _shifted_predictions(post, draws, exact, fold, k, d):
     """{row: array} of the fold's printed numbers with number k of every draw moved by d: noise stays."""
     z = post.z.copy()
     z[:, k] += d
@@ -92,7 +92,7 @@ def _shift_rows(post, draws, exact, fold, k, d):
     }
 
 
-def temperature_moves(paper, fold_result, group, best=2):
+def heldout_moves(paper, fold_result, group, best=2):
     """[`Move`, ...] that bring a contradicted class of a temperature that was left out inside, medians in its unit.
 
     fold_result  what `heldout.judge_folds` keeps of a fold
@@ -105,36 +105,36 @@ def temperature_moves(paper, fold_result, group, best=2):
     exact = forward.predict(post.z, post.mode, steps=False)
     groups = dict.fromkeys(heldout_measurements.GROUPS[name] for name in fold.rows)
 
-    def class_p(k, d):
-        now = _shift_rows(post, draws, exact, fold, k, d)
+    def shifted_class_p(k, d):
+        now = _shifted_predictions(post, draws, exact, fold, k, d)
         if not all(np.isfinite(a).all() for a in now.values()):
             return None
         classes = {
-            g: heldout_measurements.compare_group(
+            g: heldout_measurements.compare_class(
                 fold.name, g, heldout_measurements.class_row_names(fold, g), now, post.weight, paper
             )
             for g in groups
         }
         return None if any(c.verdict == "contradicted" for c in classes.values()) else classes[group].p
 
-    p_before = heldout_measurements.compare_group(
+    p_before = heldout_measurements.compare_class(
         fold.name, group, heldout_measurements.class_row_names(fold, group), draws, post.weight, paper
     ).p
     size, met = FIRST, []
     while size <= FAR and len(met) < best:
-        met = [(k, d) for k in range(infer.SIZE) for d in (-size, size) if class_p(k, d) is not None]
+        met = [(k, d) for k in range(infer.SIZE) for d in (-size, size) if shifted_class_p(k, d) is not None]
         size *= 2
-    moves = [_least(post, fold, group, p_before, class_p, k, d) for k, d in met]
+    moves = [_least(post, fold, group, p_before, shifted_class_p, k, d) for k, d in met]
     return sorted(moves, key=lambda m: abs(m.moved))[:best]
 
 
-def _least(post, fold, group, p_before, class_p, k, far):
+def _least(post, fold, group, p_before, shifted_class_p, k, far):
     """`Move` of number k, of which `far` meets: between it and 0."""
-    lower, p = 0.0, class_p(k, far)
+    lower_bound, p = 0.0, shifted_class_p(k, far)
     for _ in range(HALVED):
-        middle = (lower + far) / 2
-        now = class_p(k, middle)
-        lower, far, p = (middle, far, p) if now is None else (lower, middle, now)
+        middle = (lower_bound + far) / 2
+        now = shifted_class_p(k, middle)
+        lower_bound, far, p = (middle, far, p) if now is None else (lower_bound, middle, now)
     prior, middle = priors.PRIORS[k], infer.quantile(post.z[:, k], post.weight, 0.5)
     before, after = (float(prior.value(np.float64(z))) for z in (middle, middle + far))
     return Move(group, prior.name, prior.unit, before, after, far, p_before, p, fold.name)
@@ -143,8 +143,8 @@ def _least(post, fold, group, p_before, class_p, k, far):
 def with_other_sign(paper, fold, group, rng, draws, least):
     """`heldout.Class` of a temperature that was left out, with the other sign printed in SIGN_ROW."""
     turned = likelihood.Paper(paper.values | {SIGN_ROW: -paper.values[SIGN_ROW]})
-    post = infer.posterior(likelihood.comparison_data(turned, fold.rows), rng, draws, least)
-    row_draws = heldout_measurements.draw_predictions(post, rng)
-    return heldout_measurements.compare_group(
+    post = infer.posterior(likelihood.compared_rows(turned, fold.rows), rng, draws, least)
+    row_draws = heldout_measurements.draw_noisy_predictions(post, rng)
+    return heldout_measurements.compare_class(
         fold.name, group, heldout_measurements.class_row_names(fold, group), row_draws, post.weight, turned
     )

@@ -54,7 +54,7 @@ class Fixed(NamedTuple):
 
 
 @functools.cache
-def fixed_numbers():
+def fixed_board_numbers():
     config = Config()
     p, d = loop_parts.loop_parameters(config), config.device()
     flat_v = p.volts_per_word / np.sinc(p.w_rad_s / (2 * math.pi) / p.tick_hz)
@@ -64,9 +64,9 @@ def fixed_numbers():
     )  # fmt: skip
 
 
-def _grid_gain(hz):
+def _tick_grid_gain(hz):
     """What the grid of ticks leaves of a tone: of a hold, and of references on it."""
-    return np.sinc(hz * fixed_numbers().tick_s)
+    return np.sinc(hz * fixed_board_numbers().tick_s)
 
 
 def firmware_keys(mode):
@@ -136,7 +136,7 @@ def _warm(v, mode, temp_degc):
 
 def _phases(v, mode, warm, clocks_s):
     """{node: deg} of xe1 and ye1 as node, xe2 and ye2 as loop phases; what both C/V chains and the force leave."""
-    w, c = 2 * math.pi * warm["f"], fixed_numbers()
+    w, c = 2 * math.pi * warm["f"], fixed_board_numbers()
     poles = [
         [np.arctan(w * v[f"{path}_pole_{n}_s"] * drift) for n, drift in enumerate(warm["poles"], 1)]
         for path in ("drive", "sense")
@@ -177,17 +177,17 @@ class Board(NamedTuple):
 
 def coriolis_n_per_dps(hz, amplitude_m):
     """2 m_c w A pi/180: force on y of 1 deg/s."""
-    return 2 * fixed_numbers().mass_kg * 2 * math.pi * hz * amplitude_m * DEG
+    return 2 * fixed_board_numbers().mass_kg * 2 * math.pi * hz * amplitude_m * DEG
 
 
 def quadrature_n_per_m(hz, quadrature_dps):
     """Stiffness whose force at any amplitude is that of a rate: 2 m_c w Omega."""
-    return 2 * fixed_numbers().mass_kg * 2 * math.pi * hz * quadrature_dps * DEG
+    return 2 * fixed_board_numbers().mass_kg * 2 * math.pi * hz * quadrature_dps * DEG
 
 
 def force_n_per_v(v):
     """k_vf that makes the largest word the full scale, without phase errors, at 25 degC."""
-    full_v = fixed_numbers().volts_per_word * 2**23
+    full_v = fixed_board_numbers().volts_per_word * 2**23
     return coriolis_n_per_dps(v["fx_hz"], v["amplitude_um"] * 1e-6) * v["full_scale_dps"] / full_v
 
 
@@ -208,7 +208,7 @@ def dxy_ratio(v):
 
 def _offset_v(charge_c, hz):
     """Offset of a code: on-time means rise by 2 dQ R f a stage, the last capacitor is held a quarter above its mean."""
-    c = fixed_numbers()
+    c = fixed_board_numbers()
     return charge_c / c.sid_c_f * (6 * c.sid_r_ohm * c.sid_c_f * hz + 0.25)
 
 
@@ -225,12 +225,12 @@ def _loss(v, ring):
 
 def _board(v, mode, warm, passed, room):
     """`Board` without the demodulator's offset."""
-    c = fixed_numbers()
+    c = fixed_board_numbers()
     w, wy = 2 * math.pi * warm["f"], 2 * math.pi * warm["fy"]
-    edges = np.where(mode["reference_retimed"] == 1, _grid_gain(warm["f"]), 1.0)
+    edges = np.where(mode["reference_retimed"] == 1, _tick_grid_gain(warm["f"]), 1.0)
     drive, sense = warm["rings"]
-    gain_ratio = drive.gain_v_per_f * (1 - _loss(v, drive)) / (room.gain_v_per_f * (1 - _loss(v, room)))
-    amplitude = v["amplitude_um"] * 1e-6 / (gain_ratio * passed[0] * edges)
+    ring_gain_ratio = drive.gain_v_per_f * (1 - _loss(v, drive)) / (room.gain_v_per_f * (1 - _loss(v, room)))
+    amplitude = v["amplitude_um"] * 1e-6 / (ring_gain_ratio * passed[0] * edges)
     slope = pickoff_f_per_m(v, room.gain_v_per_f)
     damper = c.mass_kg * w / warm["q"]
     kxy = quadrature_n_per_m(v["fx_hz"], warm["quadrature"])
@@ -239,7 +239,7 @@ def _board(v, mode, warm, passed, room):
         amplitude,
         coriolis_n_per_dps(warm["f"], amplitude),
         dxy_ratio(v) * damper * w * amplitude,
-        force_n_per_v(v) * c.volts_per_word * _grid_gain(warm["f"]) * passed[2],
+        force_n_per_v(v) * c.volts_per_word * _tick_grid_gain(warm["f"]) * passed[2],
         sense.gain_v_per_f * slope * v["sense_pickoff_ratio"] * c.signal_gain * passed[1] * 4 / math.pi * edges,
         c.mass_kg * (wy**2 - w**2 + 1j * w * wy / warm["q"]),
         kxy,
@@ -249,9 +249,9 @@ def _board(v, mode, warm, passed, room):
     )
 
 
-def _noise_values(v, b, warm, temp_degc):
+def _arw_and_instability(v, b, warm, temp_degc):
     """ARW and bias instability: a volt behind the demodulator is |D| / (pickoff, Coriolis force) deg/s in any case."""
-    c, ring, kt = fixed_numbers(), warm["rings"][1], BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K)
+    c, ring, kt = fixed_board_numbers(), warm["rings"][1], BOLTZMANN_J_PER_K * (temp_degc + ZERO_DEGC_K)
     per_v = np.abs(b.dynamic_n_per_m) / (b.sense_v_per_m * b.coriolis_n)
     per_frame = math.sqrt(2 * c.frame_s)
     cv_square = (
@@ -270,7 +270,7 @@ def _noise_values(v, b, warm, temp_degc):
     return {"arw": 60 / math.sqrt(2) * np.sqrt(square), "bias_instability": floor}
 
 
-def _positive_square(v_squared):
+def _positive_v_q_square(v_squared):
     """V_q^2 (V^2), continued below LEAST_V smoothly and above 0, so that a search finds its way back."""
     least = LEAST_V**2
     return np.where(v_squared > least, v_squared, least / (2 - np.minimum(v_squared / least, 1)))
@@ -292,7 +292,7 @@ def _case(b, rad):
     kappa = (in_phase * np.sin(angle) / cosine + force.imag) / b.amplitude_m
     return {
         "scale_factor": b.coriolis_n / (b.per_word_n * cosine),
-        "v_q": np.sqrt(_positive_square((b.kxy_n_per_m - kappa) / b.kq_n_per_m_per_v2)),
+        "v_q": np.sqrt(_positive_v_q_square((b.kxy_n_per_m - kappa) / b.kq_n_per_m_per_v2)),
         "bias": in_phase / b.coriolis_n,
     }
 
@@ -300,9 +300,9 @@ def _case(b, rad):
 def _room(v, mode):
     """Phases, the drive's ring, and charge per deg/s, at 25 degC."""
     warm = _warm(v, mode, ROOM_DEGC)
-    phases, passed = _phases(v, mode, warm, clocked_s(mode))
+    phases_deg, passed = _phases(v, mode, warm, clocked_s(mode))
     room = warm["rings"][0]
-    return phases, room, _charge_per_dps(v, _board(v, mode, warm, passed, room))
+    return phases_deg, room, _charge_per_dps(v, _board(v, mode, warm, passed, room))
 
 
 def charges_c(v, mode):
@@ -325,9 +325,9 @@ class BoardRows(NamedTuple):
     cases: dict
 
 
-def compute_rows(z, mode, cases=CASES):
+def compute_board_rows(z, mode, cases=CASES):
     """`BoardRows` of boards: z (boards, priors), mode of arrays; `cases` of the five register sets."""
-    v = priors.prior_values(z)
+    v = priors.board_numbers(z)
     room_deg, room, per_dps = _room(v, mode)
     phases = {node: room_deg[node] for node in ("xe1", "xe2", "ye1")}
     phases["ye2"] = room_deg["ye2"] + np.where(mode["ye2_at_pin"] == 1, 360 * v["fx_hz"] * v["sid_switch_s"], 0.0)
@@ -338,14 +338,14 @@ def compute_rows(z, mode, cases=CASES):
         # what leaks in half a turn goes against the frequency, which moves too little to count
         charge_c = per_dps * (v["offset_dps"] * warm["charge"] + v["leakage_dps"] * warm["leakage"])
         b = _board(v, mode, warm, passed, room)._replace(offset_v=_offset_v(charge_c, warm["f"]))
-        out.noise.update({(group, temp): value for group, value in _noise_values(v, b, warm, temp).items()})
+        out.noise.update({(group, temp): value for group, value in _arw_and_instability(v, b, warm, temp).items()})
         for case in cases:
             rad = {n: (now[n] - (room_deg[n] if case >= COMPENSATED[n] else 0.0)) * DEG for n in rows.PHASES}
             out.cases.update({(case, group, temp): value for group, value in _case(b, rad).items()})
     return out
 
 
-def step_change(before, after):
+def relative_case_change(before, after):
     """Relative change; a number of exactly 0 has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return (after - before) / np.abs(before)
@@ -353,14 +353,14 @@ def step_change(before, after):
 
 def predict(z, mode, steps=True):
     """{name: array} of fitted rows, and of steps between cases: z (boards, priors), mode of arrays."""
-    board_rows = compute_rows(z, mode, CASES if steps else CASES[:3])
+    board_rows = compute_board_rows(z, mode, CASES if steps else CASES[:3])
     out = dict(board_rows.phases) | {f"{group}_{temp:g}": value for (group, temp), value in board_rows.noise.items()}
     for temp in rows.TEMPERATURES_DEGC:
         for group in rows.STEPPED:
             out[f"{group}_{temp:g}"] = sum(board_rows.cases[case, group, temp] for case in (1, 2, 3)) / 3
             for step in rows.STEPS if steps else ():
                 before, after = (board_rows.cases[int(case), group, temp] for case in step.split("to"))
-                out[f"{group}_{step}_{temp:g}"] = step_change(before, after)
+                out[f"{group}_{step}_{temp:g}"] = relative_case_change(before, after)
     return out
 
 

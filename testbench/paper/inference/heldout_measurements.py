@@ -33,7 +33,7 @@ class Predicted(NamedTuple):
     high: float
 
     @property
-    def is_inside(self):
+    def is_in_interval(self):
         return self.low <= self.paper <= self.high
 
 
@@ -54,7 +54,7 @@ class Class(NamedTuple):
         return "covered" if self.width > WIDE else "predicted"
 
 
-def draw_predictions(post, rng):
+def draw_noisy_predictions(post, rng):
     """{row: array} of what a paper would print, one for each draw."""
     return likelihood.noisy(forward.predict(post.z, post.mode), rng)
 
@@ -64,7 +64,7 @@ def class_row_names(fold, group):
     return [name for name in fold.rows if GROUPS[name] == group]
 
 
-def compare_group(fold, group, names, row_draws, weight, paper):
+def compare_class(fold, group, names, row_draws, weight, paper):
     """`Class` of the rows `names` of a group."""
     values = np.stack([row_draws[name] for name in names], axis=1)
     mean = weight @ values
@@ -81,18 +81,18 @@ def compare_group(fold, group, names, row_draws, weight, paper):
 
 def judge_folds(paper, rng, draws, least, progress=None):
     """([Predicted], [Class], {fold name: (fold, posterior, predictions)}) of every fold of the committed list."""
-    out, classes, by_fold = [], [], {}
+    out, classes, fits_by_fold = [], [], {}
     folds = rows.folds()
     for number, fold in enumerate(folds):
-        excluded = () if fold.rule == "never fitted" else fold.rows
-        post = infer.posterior(likelihood.comparison_data(paper, excluded), rng, draws, least)
-        row_draws = draw_predictions(post, rng)
-        by_fold[fold.name] = fold, post, row_draws
+        excluded_names = () if fold.rule == "never fitted" else fold.rows
+        post = infer.posterior(likelihood.compared_rows(paper, excluded_names), rng, draws, least)
+        row_draws = draw_noisy_predictions(post, rng)
+        fits_by_fold[fold.name] = fold, post, row_draws
         for name in fold.rows:
             quantiles = [infer.quantile(row_draws[name], post.weight, share) for share in SHARES]
             out.append(Predicted(fold.name, name, paper.values[name], *quantiles))
         for group in dict.fromkeys(GROUPS[name] for name in fold.rows):
-            classes.append(compare_group(fold.name, group, class_row_names(fold, group), row_draws, post.weight, paper))
+            classes.append(compare_class(fold.name, group, class_row_names(fold, group), row_draws, post.weight, paper))
         if progress:
             progress("held-out rows", number + 1, len(folds))
-    return out, classes, by_fold
+    return out, classes, fits_by_fold

@@ -72,16 +72,16 @@ def screen_modes(data):
     cov = np.eye(len(at)) + j @ np.swapaxes(j, 1, 2)
     evidence = -0.5 * np.einsum("mi,mi->m", r, np.linalg.solve(cov, r[..., None])[..., 0])
     evidence -= 0.5 * np.linalg.slogdet(cov)[1]
-    mask = evidence > evidence.max() - SCREEN_NATS
-    return {name: a[mask] for name, a in mode.items()}
+    mode_mask = evidence > evidence.max() - SCREEN_NATS
+    return {name: a[mode_mask] for name, a in mode.items()}
 
 
 def _linear(z, mode, data):
     """(H, J) of boards: (n, priors + rows), (n, priors + rows, priors)."""
     f, j = jacobian(z, mode, data.names)
-    prior_rows = np.broadcast_to(np.eye(SIZE), (len(z), SIZE, SIZE))
+    prior_jacobian = np.broadcast_to(np.eye(SIZE), (len(z), SIZE, SIZE))
     h = np.concatenate([z, (f - data.value) / data.sigma], axis=1)
-    return h, np.concatenate([prior_rows, j / data.sigma[:, None]], axis=1)
+    return h, np.concatenate([prior_jacobian, j / data.sigma[:, None]], axis=1)
 
 
 def _cost(z, mode, data):
@@ -101,10 +101,10 @@ def _descend(z, mode, data, steps, free=1.0):
         j = j * free
         square = np.swapaxes(j, 1, 2) @ j + (damping[:, None, None] + 1 - free) * np.eye(SIZE)
         ahead = z - np.linalg.solve(square, np.einsum("mrk,mr->mk", j, h)[..., None])[..., 0]
-        next_cost = _cost(ahead, mode, data)
-        better = next_cost < cost
-        gain = np.where(better, cost - next_cost, 0.0)
-        z, cost = np.where(better[:, None], ahead, z), np.where(better, next_cost, cost)
+        trial_cost = _cost(ahead, mode, data)
+        better = trial_cost < cost
+        gain = np.where(better, cost - trial_cost, 0.0)
+        z, cost = np.where(better[:, None], ahead, z), np.where(better, trial_cost, cost)
         damping = np.where(better, damping * EASE, np.minimum(damping * STIFFEN, 1e6))
         if np.all((gain < STILL * (1 + cost)) & (better | (damping > 1e3))):
             break
@@ -116,8 +116,8 @@ def optimum(data, mode=None):
     mode = screen_modes(data) if mode is None else mode
     z = np.zeros((len(next(iter(mode.values()))), SIZE))
     z, cost = _descend(z, mode, data, FEW_STEPS)
-    mask = cost < cost.min() + CUT_NATS
-    mode, (z, cost) = (_select(mode, mask), _descend(z[mask], _select(mode, mask), data, STEPS))
+    mode_mask = cost < cost.min() + CUT_NATS
+    mode, (z, cost) = (_select(mode, mode_mask), _descend(z[mode_mask], _select(mode, mode_mask), data, STEPS))
     h, j = _linear(z, mode, data)
     hessian = np.swapaxes(j, 1, 2) @ j
     evidence = -cost - 0.5 * np.linalg.slogdet(hessian)[1]
@@ -127,16 +127,16 @@ def optimum(data, mode=None):
     return Optimum(_select(mode, order), z[order], hessian[order], chi2[order], weight[order] / weight.sum())
 
 
-def fit_constrained(z, mode, data, fixed_z):
+def fit_constrained(z, mode, data, fixed_z_by_name):
     """(z, Hessian) of one board with some numbers held: {name: z}; z (priors,), mode of numbers."""
     z, free = z.copy(), np.ones(SIZE)
-    for name, value in fixed_z.items():
+    for name, value in fixed_z_by_name.items():
         k = priors.NAMES.index(name)
         z[k], free[k] = value, 0.0
     one = {name: np.array([choice]) for name, choice in mode.items()}
     for _ in range(3):
-        solution, _ = _descend(z[None], one, data, STEPS, free)
-        z = solution[0]
+        optimum_z, _ = _descend(z[None], one, data, STEPS, free)
+        z = optimum_z[0]
     _, j = _linear(z[None], one, data)
     return z, j[0].T @ j[0]
 
@@ -144,21 +144,21 @@ def fit_constrained(z, mode, data, fixed_z):
 def _solve(z, mode, data, basis, noise):
     """z with Q'H(z) = noise, ln|det Q'J| there, |H|^2, and whether it was found."""
     count = len(z)
-    remaining, converged = np.arange(count), np.zeros(count, bool)
+    unsolved_draws, converged = np.arange(count), np.zeros(count, bool)
     log_det, square = np.zeros(count), np.zeros(count)
     for _ in range(NEWTON_STEPS):
-        h, j = _linear(z[remaining], _select(mode, remaining), data)
-        q = np.swapaxes(basis[remaining], 1, 2)
-        a, miss = q @ j, (q @ h[..., None])[..., 0] - noise[remaining]
+        h, j = _linear(z[unsolved_draws], _select(mode, unsolved_draws), data)
+        q = np.swapaxes(basis[unsolved_draws], 1, 2)
+        a, miss = q @ j, (q @ h[..., None])[..., 0] - noise[unsolved_draws]
         solved = np.max(np.abs(miss), axis=1) < SOLVED
-        at = remaining[solved]
+        at = unsolved_draws[solved]
         converged[at], log_det[at], square[at] = True, np.linalg.slogdet(a[solved])[1], np.sum(h[solved] ** 2, axis=1)
-        a, miss, remaining = a[~solved], miss[~solved], remaining[~solved]
-        if not len(remaining):
+        a, miss, unsolved_draws = a[~solved], miss[~solved], unsolved_draws[~solved]
+        if not len(unsolved_draws):
             break
         step = np.linalg.solve(a, miss[..., None])[..., 0]
         size = np.max(np.abs(step), axis=1)
-        z[remaining] -= step * np.minimum(1.0, NEWTON_REACH / np.maximum(size, 1e-9))[:, None]
+        z[unsolved_draws] -= step * np.minimum(1.0, NEWTON_REACH / np.maximum(size, 1e-9))[:, None]
     return z, log_det, square, converged
 
 
@@ -174,10 +174,10 @@ def posterior(data, rng, draws=1000, least=LEAST_SIZE):
 
 def _draw_posterior(data, rng, draws, optima):
     """`Posterior` of so many draws."""
-    mask = optima.weight > LEAST_WEIGHT
-    mode, share = _select(optima.mode, mask), optima.weight[mask] / optima.weight[mask].sum()
+    mode_mask = optima.weight > LEAST_WEIGHT
+    mode, share = _select(optima.mode, mode_mask), optima.weight[mode_mask] / optima.weight[mode_mask].sum()
     which = np.sort(rng.choice(len(share), draws, p=share))
-    _, j = _linear(optima.z[mask], mode, data)
+    _, j = _linear(optima.z[mode_mask], mode, data)
     basis, triangle = np.linalg.qr(j)
     noise = np.einsum("nij,ni->nj", basis[which], rng.standard_normal((draws, j.shape[1])))
     z = optima.z[which] + np.linalg.solve(triangle[which], noise[..., None])[..., 0]

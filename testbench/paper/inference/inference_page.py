@@ -87,8 +87,8 @@ def numbers_table(results):
 def rows_table(results):
     rows = []
     for r in results["rows"]:
-        values = r["before"], r["after"]
-        pulls = [f"{(value - r['paper']) / r['sigma']:+.1f}" for value in values]
+        model_values = r["before"], r["after"]
+        pulls = [f"{(value - r['paper']) / r['sigma']:+.1f}" for value in model_values]
         cells = (_text(r["before"], 5), pulls[0], _text(r["after"], 5), pulls[1], YES[r["fitted"]])
         rows.append((r["name"], r["unit"], f"{r['paper']:g}", _text(r["sigma"], 2), *cells))
     note = "Pull: model less paper over the paper's standard uncertainty. Both boards by budget and linear loops."
@@ -96,7 +96,7 @@ def rows_table(results):
     return Table("Rows before and after", heads, rows, note, tuple(range(2, 8)))
 
 
-def holdout_table(results):
+def heldout_rows_table(results):
     rows = [
         (
             r["fold"],
@@ -136,7 +136,7 @@ def changes_table(results):
     return Table("Contradicted changes: the smallest change that would meet them", heads, rows, note, (2, 3, 4, 5, 6))
 
 
-def holdout_changes_table(results):
+def heldout_changes_table(results):
     rows = [
         (m["fold"], m["group"], f"{m['name']} ({m['unit']})", _text(m["before"]), _text(m["after"]),
          f"{m['moved']:+.2f}", f"{m['without']:.3f}", f"{m['together']:.3f}") for m in results["changes_at_temperature"]
@@ -169,8 +169,8 @@ def measurements_table(results):
     return Table("Which measurement would decide", heads, rows, note, (2, 3, 4, 5, 6))
 
 
-TABLES = (classes_table, changes_table, holdout_changes_table, sign_table, measurements_table, choices_table,
-          modes_table, rows_table, holdout_table, numbers_table)  # fmt: skip
+TABLES = (classes_table, changes_table, heldout_changes_table, sign_table, measurements_table, choices_table,
+          modes_table, rows_table, heldout_rows_table, numbers_table)  # fmt: skip
 
 
 def widths_picture(results):
@@ -193,9 +193,9 @@ def pulls_picture(results):
     axis = axes[0, 0]
     fitted = [r for r in results["rows"] if r["fitted"]][::-1]
     for name, color, mark in (("before", GREY, "s"), ("after", BLUE, "o")):
-        values = [(r[name] - r["paper"]) / r["sigma"] for r in fitted]
+        pulls = [(r[name] - r["paper"]) / r["sigma"] for r in fitted]
         label = {"before": "default board", "after": "most probable board"}[name]
-        axis.plot(values, range(len(fitted)), mark, color=color, label=label)
+        axis.plot(pulls, range(len(fitted)), mark, color=color, label=label)
     axis.axvspan(-2, 2, color="#e8eef2")
     axis.set_xscale("symlog", linthresh=3)
     axis.set_yticks(range(len(fitted)), [r["name"] for r in fitted])

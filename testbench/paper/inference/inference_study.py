@@ -29,7 +29,7 @@ from testbench.run.budget import budget
 
 SEED, DRAWS, FOLD_DRAWS, LEAST_DRAWS = 1, 2000, 1500, 400.0
 INFORMED_WIDTH, STRAINED, EXCLUDED = 0.5, 2.0, 0.01
-MOST_MODES = 12
+MOST_REPORTED_MODES = 12
 QUANTITIES = {"scale_factor": "lsb_per_dps", "arw": "arw_deg_per_rt_h", "bias_instability": "instability_deg_per_h",
               "v_q": "quadrature_v", "bias": "bias_dps"}  # fmt: skip
 
@@ -44,19 +44,19 @@ def with_words(config, case):
     return changed(config, phase_words)
 
 
-def config_rows(config, ye2_at_pin=True):
+def linear_rows(config, ye2_at_pin=True):
     """{row: value} of a configuration by budget and linear loops, which share no closed form with `forward`."""
     phases = budget(config, forward.ROOM_DEGC)
     node, loop = phases.node_deg(), phases.loop_deg()
     out = {"xe1": node["xe1"], "xe2": loop["xe2"], "ye1": node["ye1"], "ye2": (node if ye2_at_pin else loop)["ye2"]}
     configs = {case: with_words(config, case) for case in forward.CASES}
     for temp in rows.TEMPERATURES_DEGC:
-        observables = {case: derived.derive(c, temp) for case, c in configs.items()}
+        derived_by_case = {case: derived.derive(c, temp) for case, c in configs.items()}
         for group, name in QUANTITIES.items():
-            out[f"{group}_{temp:g}"] = float(np.mean([getattr(observables[case], name) for case in (1, 2, 3)]))
+            out[f"{group}_{temp:g}"] = float(np.mean([getattr(derived_by_case[case], name) for case in (1, 2, 3)]))
         for group in rows.STEPPED:
             for step in rows.STEPS:
-                before, after = (getattr(observables[int(case)], QUANTITIES[group]) for case in step.split("to"))
+                before, after = (getattr(derived_by_case[int(case)], QUANTITIES[group]) for case in step.split("to"))
                 out[f"{group}_{step}_{temp:g}"] = abs(after - before) / abs(before)
     return out
 
@@ -93,7 +93,7 @@ def _choices(post):
 
 
 def _ranked_modes(optima):
-    ranks = range(min(MOST_MODES, len(optima.weight)))
+    ranks = range(min(MOST_REPORTED_MODES, len(optima.weight)))
     return [
         {"choices": {n: int(a[k]) for n, a in optima.mode.items()}, "weight": float(optima.weight[k]),
          "chi2": float(optima.chi2[k]), "prior_chi2": float(np.sum(optima.z[k] ** 2))} for k in ranks
@@ -109,13 +109,13 @@ def best_board(data, optima):
     return z, mode, np.linalg.inv(hessian)
 
 
-def _holdout_changes(paper, classes, by_fold, draws):
+def _heldout_changes(paper, classes, fits_by_fold, draws):
     """What would meet each class that is contradicted where its temperature is left out: a part moved, or a sign."""
     moves, signs, rng = [], [], np.random.default_rng(SEED)
     for c in classes:
-        if c.verdict == "contradicted" and by_fold[c.fold][0].rule == heldout_measurements.TEMPERATURE:
-            moves += [m._asdict() for m in change.temperature_moves(paper, by_fold[c.fold], c.group)]
-            turned = change.with_other_sign(paper, by_fold[c.fold][0], c.group, rng, draws, LEAST_DRAWS)
+        if c.verdict == "contradicted" and fits_by_fold[c.fold][0].rule == heldout_measurements.TEMPERATURE:
+            moves += [m._asdict() for m in change.heldout_moves(paper, fits_by_fold[c.fold], c.group)]
+            turned = change.with_other_sign(paper, fits_by_fold[c.fold][0], c.group, rng, draws, LEAST_DRAWS)
             signs.append(turned._asdict() | {"verdict": turned.verdict, "p_as_printed": c.p})
     return {"changes_at_temperature": moves, "other_sign": signs}
 
@@ -130,14 +130,14 @@ def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS)
     report_progress("posterior", 0)
     paper = paper or likelihood.the_paper()
     rng = np.random.default_rng(SEED)
-    data = likelihood.comparison_data(paper)
+    data = likelihood.compared_rows(paper)
     post = infer.posterior(data, rng, draws, LEAST_DRAWS)
     z, mode, covariance = best_board(data, post.optimum)
-    v = {name: float(a) for name, a in priors.prior_values(z).items()}
+    v = {name: float(a) for name, a in priors.board_numbers(z).items()}
     report_progress("rows by the linear loops", 1)
-    before, after = config_rows(Config()), config_rows(probable_board.board_config(v, mode), mode["ye2_at_pin"] == 1)
+    before, after = linear_rows(Config()), linear_rows(probable_board.board_config(v, mode), mode["ye2_at_pin"] == 1)
     report_progress("held-out rows", 2)
-    predicted, classes, by_fold = heldout_measurements.judge_folds(paper, rng, fold_draws, LEAST_DRAWS)
+    predicted, classes, fits_by_fold = heldout_measurements.judge_folds(paper, rng, fold_draws, LEAST_DRAWS)
     report_progress("changes and measurements", 3)
     worth, open_bits = measurements.worth(post, rng)
     groups = dict.fromkeys(row.group for row in likelihood.FITTED)
@@ -145,7 +145,7 @@ def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS)
         "draws": draws,
         "effective_draws": post.size,
         "fold_draws": fold_draws,
-        "effective_fold_draws": {name: post.size for name, (_, post, _) in by_fold.items()},
+        "effective_fold_draws": {name: post.size for name, (_, post, _) in fits_by_fold.items()},
         "modes": _ranked_modes(post.optimum),
         "choices": _choices(post),
         "numbers": _numbers(post),
@@ -155,10 +155,10 @@ def run_inference(paper=None, progress=None, draws=DRAWS, fold_draws=FOLD_DRAWS)
             for r in (*likelihood.FITTED, *likelihood.STEPPED)
         ],
         "chi2": {g or "all": [chi2(before, g), chi2(after, g)] for g in (*groups, None)},
-        "held_out": [p._asdict() | {"inside": p.is_inside} for p in predicted],
+        "held_out": [p._asdict() | {"inside": p.is_in_interval} for p in predicted],
         "classes": [c._asdict() | {"verdict": c.verdict} for c in classes],
         "changes": [i._asdict() for items in change.smallest(z, mode).values() for i in items],
-        **_holdout_changes(paper, classes, by_fold, fold_draws),
+        **_heldout_changes(paper, classes, fits_by_fold, fold_draws),
         "measurements": [w._asdict() for w in worth],
         "open_bits": open_bits,
         "board": {"mode": mode, "settings": probable_board.settings(v, mode), "names": list(priors.NAMES),

@@ -1,6 +1,6 @@
 """What a paper says and how well: rows as the fit compares them, and papers drawn from boards with noise and rounding.
 
-    comparison_data  value, or ln(value) of scale factor, ARW, bias instability and V_q; sigma likewise, the paper's own
+    compared_rows  value, or ln(value) of scale factor, ARW, bias instability and V_q; sigma likewise, the paper's own
     drawn      the model's rows plus that noise, rounded to the digits that the text prints
     steps      |relative change| with the noise of two repeats; of the bias it grows as the bias falls
 
@@ -41,11 +41,11 @@ def the_paper():
     return Paper({row.name: row.value for row in (*FITTED, *STEPPED)})
 
 
-def comparison_data(paper, excluded=()):
+def compared_rows(paper, excluded_names=()):
     """`Compared` of the fitted rows but those left out."""
-    included = [row for row in FITTED if row.name not in excluded]
-    value = [math.log(paper.values[r.name]) if r.logarithmic else paper.values[r.name] for r in included]
-    return Compared(tuple(r.name for r in included), np.array(value), np.array([sigma_compared(r) for r in included]))
+    fit_rows = [row for row in FITTED if row.name not in excluded_names]
+    value = [math.log(paper.values[r.name]) if r.logarithmic else paper.values[r.name] for r in fit_rows]
+    return Compared(tuple(r.name for r in fit_rows), np.array(value), np.array([sigma_compared(r) for r in fit_rows]))
 
 
 def noisy(predictions, rng):
@@ -63,7 +63,7 @@ def noisy(predictions, rng):
     return out
 
 
-def draw_papers(z, mode, rng):
+def simulate_papers(z, mode, rng):
     """A `Paper` for each board."""
     printed = noisy(forward.predict(z, mode), rng)
     return [Paper({name: float(a[k]) for name, a in printed.items()}) for k in range(len(z))]

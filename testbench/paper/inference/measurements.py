@@ -81,7 +81,7 @@ def worth(post, rng, choice=None):
     keys = np.stack([post.mode[name] for name in names], axis=1)
     _, which = np.unique(keys, axis=0, return_inverse=True)
     member = np.equal(which.ravel()[:, None], np.arange(which.max() + 1)).astype(float)
-    v, board_rows = priors.prior_values(post.z), forward.compute_rows(post.z, post.mode, ())
+    v, board_rows = priors.board_numbers(post.z), forward.compute_board_rows(post.z, post.mode, ())
     prior_bits = float(_entropy(post.weight @ member))
     out = []
     for c in CANDIDATES:

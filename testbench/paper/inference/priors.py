@@ -95,7 +95,7 @@ PRIORS = (
 NAMES = tuple(p.name for p in PRIORS)
 
 
-def prior_values(z):
+def board_numbers(z):
     """{name: array} of the numbers; z (..., len(PRIORS))."""
     return {p.name: p.value(z[..., k]) for k, p in enumerate(PRIORS)}
 

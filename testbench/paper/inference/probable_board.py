@@ -8,7 +8,7 @@ import numpy as np
 from testbench.config import Config, changed
 from testbench.paper.inference import forward, ring_table
 
-SHARED_KEYS = (
+NOMINAL_PRIOR_KEYS = (
     *(f"{path}_pole_{n}_s" for path in ("drive", "sense") for n in (1, 2, 3)),
     *("opamp_gbw_hz", "sid_switch_s", "fx_hz", "carrier_v", "adc_noise_sense_v"),
     *("cv_resistor_ohm", "ina_current_noise_a_per_rthz", "ina_bias_exponent", "ina_beta_exponent"),
@@ -26,7 +26,7 @@ def settings(v, mode):
     slope, force = forward.pickoff_f_per_m(v, gain), forward.force_n_per_v(v)
     kxy = forward.quadrature_n_per_m(v["fx_hz"], v["quadrature_dps"])
     (charge_c,), (leaked_c,) = forward.charges_c(one, chosen)
-    nominal = {name: v[name] for name in SHARED_KEYS} | {
+    nominal = {name: v[name] for name in NOMINAL_PRIOR_KEYS} | {
         "fy_hz": v["fx_hz"] - forward.SPLIT_HZ,
         "qx": v["q"],
         "qy": v["q"],

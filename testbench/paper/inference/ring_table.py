@@ -35,11 +35,11 @@ class Ring(NamedTuple):
     limit_v: np.ndarray
 
 
-def _map_to_unit(x, lo, hi):
+def _chebyshev_argument(x, lo, hi):
     return np.clip((2 * x - lo - hi) / (hi - lo), -1.0, 1.0)
 
 
-def ring_numbers(carrier_v, cref_f, temp_degc):
+def exact_ring(carrier_v, cref_f, temp_degc):
     """The numbers of one ring, as the parts have them."""
     changed = {"carrier_v": carrier_v, "cref_sense_f": cref_f, "ring_noise_on": 1, "ina_bias_exponent": 0.0}
     device = Device()._replace(**changed, ina_beta_exponent=0.0, ina_current_noise_a_per_rthz=PROBE_A)
@@ -51,7 +51,7 @@ def ring_numbers(carrier_v, cref_f, temp_degc):
 
 
 @functools.cache
-def _chebyshev_tables():
+def _chebyshev_coefficients():
     """Chebyshev coefficients of the logarithms, one (n, numbers, n) for each temperature."""
     nodes = chebyshev.chebpts1(DEGREE + 1)
     low, high = map(math.log, CREF_F)
@@ -60,14 +60,14 @@ def _chebyshev_tables():
     basis = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE))
     out = {}
     for temp in TEMPERATURES_DEGC:
-        logarithms = np.log([[ring_numbers(float(e), float(c), temp) for e in carriers] for c in crefs])
-        out[temp] = np.einsum("ai,ijk,bj->akb", basis, logarithms, basis)
+        log_numbers = np.log([[exact_ring(float(e), float(c), temp) for e in carriers] for c in crefs])
+        out[temp] = np.einsum("ai,ijk,bj->akb", basis, log_numbers, basis)
     return out
 
 
 def rings(carrier_v, cref_f, temp_degc):
     """`Ring` of arrays of one shape (n,)."""
-    u = chebyshev.chebvander(_map_to_unit(np.log(cref_f), *map(math.log, CREF_F)), DEGREE)
-    v = chebyshev.chebvander(_map_to_unit(carrier_v, *CARRIER_V), DEGREE)
-    at = (u @ _chebyshev_tables()[temp_degc].reshape(DEGREE + 1, -1)).reshape(len(u), -1, DEGREE + 1)
+    u = chebyshev.chebvander(_chebyshev_argument(np.log(cref_f), *map(math.log, CREF_F)), DEGREE)
+    v = chebyshev.chebvander(_chebyshev_argument(carrier_v, *CARRIER_V), DEGREE)
+    at = (u @ _chebyshev_coefficients()[temp_degc].reshape(DEGREE + 1, -1)).reshape(len(u), -1, DEGREE + 1)
     return Ring(*np.exp(np.einsum("noj,nj->on", at, v)))

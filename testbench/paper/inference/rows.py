@@ -58,7 +58,7 @@ def fitted_rows():
         out.append(_paper_row(number, node, "phases", "deg", MODEL_DEG))
     for group, symbol in GROUPS.items():
         for temp in TEMPERATURES_DEGC:
-            number = printed.case_mean(table, symbol, temp)
+            number = printed.case_mean_row(table, symbol, temp)
             out.append(_paper_row(number, f"{group}_{temp:g}", group, UNITS[group]))
     return tuple(out)
 
@@ -69,8 +69,8 @@ def steps():
     for group in STEPPED:
         for step, case in STEPS.items():
             for n in table:
-                is_match = n.quantity.startswith("relative deviation rate of") and n.symbol == GROUPS[group]
-                if is_match and n.case.startswith(case):
+                is_group_change = n.quantity.startswith("relative deviation rate of") and n.symbol == GROUPS[group]
+                if is_group_change and n.case.startswith(case):
                     out.append(_paper_row(n, f"{group}_{step}_{n.temp_degc:g}", f"{group}_{step}", "1"))
     return tuple(out)
 
@@ -80,7 +80,7 @@ def repeats_dps():
     table = printed.numbers()
     return {
         temp: printed.relative_repeatability(table, "bias", temp)
-        * abs(printed.case_mean(table, "bias", temp).values[0])
+        * abs(printed.case_mean_row(table, "bias", temp).values[0])
         for temp in TEMPERATURES_DEGC
     }
 

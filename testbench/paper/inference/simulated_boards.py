@@ -1,6 +1,6 @@
 """The inference judged on papers that it could have been given: boards from the prior, rows with noise and rounding.
 
-    board      priors and modes drawn; rows by `likelihood.draw_papers`; the inference sees nothing else
+    board      priors and modes drawn; rows by `likelihood.simulate_papers`; the inference sees nothing else
     parameter  rank of the truth among the draws of the whole fit
     held out   rank of a row that the fit did not see among noisy rows of the draws: steps after the whole fit, and the
                rows of one fold by class and one by temperature, in turn
@@ -42,7 +42,7 @@ def rank(values, weight, truth, rng):
     return float(weight[values < truth].sum() + rng.uniform() * weight[values == truth].sum())
 
 
-def rank_boards(count, seed, draws=DRAWS, progress=None):
+def simulate_truth_ranks(count, seed, draws=DRAWS, progress=None):
     """`TruthRanks` of `count` boards."""
     folds = rows.folds()
     by_class = [f for f in folds if "class" in f.rule]
@@ -50,19 +50,19 @@ def rank_boards(count, seed, draws=DRAWS, progress=None):
     out = TruthRanks({p.name: [] for p in priors.PRIORS}, {}, [], [])
     for number in range(count):
         z, mode, rng = board(seed, number)
-        (paper,) = likelihood.draw_papers(z, mode, rng)
-        post = infer.posterior(likelihood.comparison_data(paper), rng, draws)
+        (paper,) = likelihood.simulate_papers(z, mode, rng)
+        post = infer.posterior(likelihood.compared_rows(paper), rng, draws)
         out.sizes.append(post.size)
         for k, prior in enumerate(priors.PRIORS):
             out.parameters[prior.name].append(rank(post.z[:, k], post.weight, z[0, k], rng))
-        true_mask = np.all([post.mode[name] == mode[name] for name in mode], axis=0)
-        out.true_mode.append(float(post.weight[true_mask].sum()))
+        is_true_mode = np.all([post.mode[name] == mode[name] for name in mode], axis=0)
+        out.true_mode.append(float(post.weight[is_true_mode].sum()))
         steps = tuple(row.name for row in likelihood.STEPPED)
         todo = [(post, steps)]
         for fold in (by_class[number % len(by_class)], by_temp[number % len(by_temp)]):
-            todo.append((infer.posterior(likelihood.comparison_data(paper, fold.rows), rng, draws), fold.rows))
+            todo.append((infer.posterior(likelihood.compared_rows(paper, fold.rows), rng, draws), fold.rows))
         for fitted, names in todo:
-            row_draws = heldout_measurements.draw_predictions(fitted, rng)
+            row_draws = heldout_measurements.draw_noisy_predictions(fitted, rng)
             for name in names:
                 got = rank(row_draws[name], fitted.weight, paper.values[name], rng)
                 out.heldout_ranks.setdefault(name, []).append(got)

@@ -111,10 +111,10 @@ def bandwidth(loop):
 
     grid = np.geomspace(0.2, 0.25 / loop.frame_s, 400)
     levels = level_db(grid)
-    past_edge = np.flatnonzero(levels < -3.0103)
-    if not len(past_edge) or past_edge[0] == 0:
+    past_edge_indices = np.flatnonzero(levels < -3.0103)
+    if not len(past_edge_indices) or past_edge_indices[0] == 0:
         return None, None, None
-    k = int(past_edge[0])
+    k = int(past_edge_indices[0])
     edge = float(brentq(lambda f: level_db(f)[0] + 3.0103, grid[k - 1], grid[k], xtol=1e-6))
     fine = np.linspace(grid[max(int(np.argmax(levels[:k])) - 1, 0)], grid[min(int(np.argmax(levels[:k])) + 1, k)], 60)
     top = level_db(fine)
@@ -126,10 +126,10 @@ def dc_gain(loop):
     return float(loop.row @ lp.steady_state(loop, (1.0, 0.0, 0.0, 0.0)))
 
 
-def ring_pole(loop, split_hz):
+def ringing_pole(loop, split_hz):
     """The pole pair of the sense mode at the split, as the closed loop has it."""
-    candidates = [p for p in lp.poles(loop) if 0.5 * abs(split_hz) < p.hz < 1.5 * abs(split_hz) + 5]
-    return max(candidates, key=lambda p: abs(p.z)) if candidates else None
+    split_poles = [p for p in lp.poles(loop) if 0.5 * abs(split_hz) < p.hz < 1.5 * abs(split_hz) + 5]
+    return max(split_poles, key=lambda p: abs(p.z)) if split_poles else None
 
 
 def analyse(p: LoopParameters):
@@ -138,17 +138,17 @@ def analyse(p: LoopParameters):
     row = np.zeros(len(fr.f) + lp.TAIL)
     row[lp.WORD_BEFORE] = 1.0
 
-    def make_loop(ftr=1.0, qsc=1.0):
+    def make_scaled_loop(ftr=1.0, qsc=1.0):
         return lp.Loop(*lp.assemble(fr, k, ftr, qsc)[:2], row, None, None, p.frame_s)
 
-    loop = make_loop()
+    loop = make_scaled_loop()
     worst = lp.poles(loop)[0]
     if abs(worst.z) >= 1:
         return Advice(False, -worst.tau_s, worst.hz, *(None,) * 3, (), *(None,) * 11, ())
     a, _, _, _, word_in, word = lp.assemble(fr, k, broken=True)
     crossings, modulus = _crossings(a, word_in, word, p.frame_s)
     edge, peak_db, peak_hz = bandwidth(loop)
-    shaken = ring_pole(loop, p.split_hz)
+    shaken = ringing_pole(loop, p.split_hz)
     lsb = dc_gain(loop) * lp.DEG
     still = lp.steady_state(loop, (p.dxy_n_s_per_m / (2 * p.coriolis_mass_kg), p.kxy_n_per_m, *p.sid_offset_v))
     at_ring = abs(lp.response(loop, shaken.hz)[0]) * lp.DEG / abs(lsb) if shaken else None
@@ -156,9 +156,9 @@ def analyse(p: LoopParameters):
         stable=True,
         growth_tau_s=None,
         growth_hz=None,
-        gain_margin_up_db=_margin(lambda g: make_loop(ftr=g), True),
-        gain_margin_down_db=_margin(lambda g: make_loop(ftr=g), False),
-        qsc_margin_up_db=_margin(lambda g: make_loop(qsc=g), True),
+        gain_margin_up_db=_margin(lambda g: make_scaled_loop(ftr=g), True),
+        gain_margin_down_db=_margin(lambda g: make_scaled_loop(ftr=g), False),
+        qsc_margin_up_db=_margin(lambda g: make_scaled_loop(qsc=g), True),
         crossings=crossings,
         modulus_margin=modulus,
         delay_margin_us=min((c.delay_us for c in crossings), default=None),
@@ -273,10 +273,10 @@ def vary_parameters(p: LoopParameters, **values):
     return p
 
 
-def set_phases(p, ye1_deg, ye2_deg):
+def set_sense_phases(p, ye1_deg, ye2_deg):
     """LoopParameters whose sense path has these phases (ye1 node, ye2' loop), lags in deg."""
-    amplifier_rad = sum(math.atan(p.w_rad_s * tau) for tau in p.cv_s)
-    return p._replace(ye1_rad=math.radians(ye1_deg), switch_rad=amplifier_rad - math.radians(ye2_deg))
+    cv_lag_rad = sum(math.atan(p.w_rad_s * tau) for tau in p.cv_s)
+    return p._replace(ye1_rad=math.radians(ye1_deg), switch_rad=cv_lag_rad - math.radians(ye2_deg))
 
 
 def retune_split(p: LoopParameters, split_hz):
@@ -314,8 +314,8 @@ def stability_map(p: LoopParameters, x, x_values, y, y_values, progress=None, ke
             if lp.radius(loop) >= 1:
                 peak[j, i] = math.inf
                 continue
-            pole = ring_pole(loop, q.split_hz)
-            f = np.append(MAP_HZ, pole.hz) if pole else MAP_HZ
+            split_pole = ringing_pole(loop, q.split_hz)
+            f = np.append(MAP_HZ, split_pole.hz) if split_pole else MAP_HZ
             peak[j, i] = 20 * math.log10(np.max(np.abs(lp.response(loop, f))) / abs(dc_gain(loop)))
         if progress:
             progress("stability map", j + 1, len(y_values))

@@ -61,21 +61,21 @@ def multisine(lines_hz=LINES_HZ, line_dps=LINE_DPS, settle_s=SETTLE_S, window_s=
     return line_dps * np.sin(2 * math.pi * np.outer(t, lines_hz) + phase).sum(axis=1)
 
 
-def fit_lines(time_s, values, lines_hz):
+def fit_line_amplitudes(time_s, values, lines_hz):
     """Complex amplitudes of lines (a - j b of a cos + b sin) by joint least squares with an offset."""
     angle = 2 * math.pi * np.outer(time_s, lines_hz)
     basis = np.hstack([np.cos(angle), np.sin(angle), np.ones((len(time_s), 1))])
-    solution = np.linalg.lstsq(basis, np.asarray(values, float), rcond=None)[0]
+    coefficients = np.linalg.lstsq(basis, np.asarray(values, float), rcond=None)[0]
     n = len(lines_hz)
-    return solution[:n] - 1j * solution[n : 2 * n]
+    return coefficients[:n] - 1j * coefficients[n : 2 * n]
 
 
 def measured_response(run: ProfileRun, rate_dps, lines_hz=LINES_HZ, window_s=WINDOW_S):
     """Word (LSB) per rate (deg/s) of a played multisine at its lines; phase against the row's time."""
     count = round(window_s / run.frame_s)
     t = run.time_s[-count:]
-    rate = fit_lines(t + 0.5 * run.frame_s, np.asarray(rate_dps)[-count:], lines_hz)
-    return fit_lines(t, run.columns["rate_word"][-count:], lines_hz) / rate
+    rate = fit_line_amplitudes(t + 0.5 * run.frame_s, np.asarray(rate_dps)[-count:], lines_hz)
+    return fit_line_amplitudes(t, run.columns["rate_word"][-count:], lines_hz) / rate
 
 
 QUIET = {f"noise.{name}": False for name in ("thermomechanical", "cv", "dac", "adc", "flicker", "jitter")}

@@ -37,8 +37,8 @@ class Derived(NamedTuple):
 def per_volt_dps(loop):
     """deg/s by which a volt behind each demodulator turns the word, both together (rms)."""
     columns = lp.OFFSET_SIN, lp.OFFSET_COS
-    gains = (abs(lp.response(loop, sensitivity.ARW_HZ, column)[0]) for column in columns)
-    return math.hypot(*gains) / abs(advisor.dc_gain(loop) * lp.DEG)
+    channel_gains = (abs(lp.response(loop, sensitivity.ARW_HZ, column)[0]) for column in columns)
+    return math.hypot(*channel_gains) / abs(advisor.dc_gain(loop) * lp.DEG)
 
 
 def instability_deg_per_h(p: LoopParameters, loop):

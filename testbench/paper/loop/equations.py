@@ -6,7 +6,7 @@
       (7)    baseband              y's component behind the multiplier, per newton of feedback
       (8-11) n1, n2, d1, d2        its polynomials
       (12)   scale_factor          for infinite loop gain
-      (13)   fixed_loop_signal     y with both loops held: what phi_ye2 is read from
+      (13)   open_loop_signal      y with both loops held: what phi_ye2 is read from
       (14)   phi_iq                its angle, from in-phase and quadrature amplitude
 
 Phases    here as in the paper **leads**, in rad; the other pages of this project have lags
@@ -85,8 +85,8 @@ def sense_response(t, a_x, y: Mode, w_d, c: Coupling):
 def sense_force(t, v_c, phi_ye1, k_vf, a_x, w_d, c: Coupling):
     """(6) force on y (N): -2 m_c Omega A_x w sin + k_xy A_x cos + V_c k_vf sin(w t + phi_ye1)."""
     angle = w_d * t
-    input_force = -2 * c.m_c * c.omega_z * a_x * w_d * np.sin(angle) + c.k_xy * a_x * np.cos(angle)
-    return input_force + v_c * k_vf * np.sin(angle + phi_ye1)
+    coupling_force = -2 * c.m_c * c.omega_z * a_x * w_d * np.sin(angle) + c.k_xy * a_x * np.cos(angle)
+    return coupling_force + v_c * k_vf * np.sin(angle + phi_ye1)
 
 
 def feedback_parts(v_c, phi_ye1, k_vf):
@@ -175,7 +175,7 @@ def scale_factor_with_drive(a_x, w_d, m_c, k_vf, phi_ye1, phi_xe2):
     return scale_factor(a_x, w_d, m_c, k_vf, phi_ye1 + phi_xe2)
 
 
-def fixed_loop_signal(t, a_i, a_q, w_d, phi_ye2):
+def open_loop_signal(t, a_i, a_q, w_d, phi_ye2):
     """(13) sense C/V output with both loops held: A_I sin + A_Q cos, turned by phi_ye2."""
     angle = w_d * t + phi_ye2
     return a_i * np.sin(angle) + a_q * np.cos(angle)

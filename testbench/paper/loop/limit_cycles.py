@@ -74,9 +74,9 @@ def simulate_hunt(config, rate_dps, seconds, code_noise=0.0, seed=1, p: LoopPara
         kappa = p.kxy_n_per_m - per_volt[0] * (root_before / per_volt[1]) ** 2
         forces = (force_amplitude(w, p.word_per_code) for w in (word_before, word))
         inputs[:] = rates[k], kappa, *forces, *p.sid_offset_v
-        conversion_v = (gains_c @ z + gains_d @ inputs).reshape(3, 2)
+        conversion_parts_v = (gains_c @ z + gains_d @ inputs).reshape(3, 2)
         z = fr.f @ z + fr.g @ inputs
-        volts, ending, later = ending + conversion_v[0], later + conversion_v[1], conversion_v[2]
+        volts, ending, later = ending + conversion_parts_v[0], later + conversion_parts_v[1], conversion_parts_v[2]
         code = [
             int(p.step_code) * math.floor(v * p.code_per_v / p.step_code + e / p.step_code + 0.5)
             for v, e in zip(volts, noise[k])

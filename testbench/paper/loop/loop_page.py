@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from testbench.config import changed
-from testbench.console.text_table import Table, fixed_digits
+from testbench.console.text_table import Table, to_decimals
 from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notch_loop, sensitivity, temperature_tables
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.loop_parameters import loop_parameters
@@ -83,7 +83,7 @@ def tables(study):
             "Loops around the sense mode",
             ("what", "value", "unit"),
             [
-                (text, fixed_digits(None if getattr(a, name) is None else getattr(a, name) * factor, digits), unit)
+                (text, to_decimals(None if getattr(a, name) is None else getattr(a, name) * factor, digits), unit)
                 for name, (text, unit, digits, factor) in NUMBERS.items()
             ],
             f"split {p.split_hz:.2f} Hz, SID {p.sid_stages} x {p.sid_hz:.2f} Hz; derived from the configuration",
@@ -217,7 +217,7 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
             "Three maps of the closed loop's largest value. Red: border of stability; star: this configuration. Left: "
             "the FTR gain follows the split, so that the crossover stays; too small a split or too fast a SID is "
             "unstable, because at the split the SID must lag by more than 90 deg.",
-            draw.draw_maps(maps, [(operating_point[m.x], operating_point[m.y]) for m in maps]),
+            draw.draw_stability_maps(maps, [(operating_point[m.x], operating_point[m.y]) for m in maps]),
         )
     )
     if a.stable:
@@ -230,7 +230,7 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
             (
                 "Word per rate: flat to the bandwidth, then three poles; the spike at the split is the sense mode. "
                 "Below, if simulated: what the engine's lines differ by.",
-                draw.closed_bode(p, study.simulated, study.lines_hz),
+                draw.closed_loop_bode(p, study.simulated, study.lines_hz),
             ),
             (
                 "A rate step excites the split: a few tenths of a percent ring for a third of a second. A notch in the "
@@ -250,15 +250,15 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
                 draw.rounding(study.config, p),
             ),
         ]
-        sensitivities = sensitivity.rows(study.config, parameters, progress)
+        sensitivity_rows = sensitivity.rows(study.config, parameters, progress)
         pictures.append(
             (
                 "Each column is an observable, each row one step of a parameter; colours are shares of the column's "
                 "largest change, which stands below its name.",
-                draw.influence(sensitivities),
+                draw.influence(sensitivity_rows),
             )
         )
-        page_tables += sensitivity_tables(sensitivities)
+        page_tables += sensitivity_tables(sensitivity_rows)
     y = equations.Mode(p.mass_kg, p.wy_rad_s, p.qy)
     page_tables.append(misprint_table(y, p.w_rad_s, p.coriolis_mass_kg, p.ye1_rad))
     path = folder / "loop.html"

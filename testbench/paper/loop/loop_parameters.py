@@ -101,11 +101,11 @@ def word_acts_s(config):
 
     last sample, DRDY, serial read, slots to the PI's sum; next product; registers, frames, latch, response
     """
-    device, record, chip = config.device(), config.design_record(), chips.design_chips(config.design).sense
+    device, record, chip = config.device(), config.design_record(), chips.dac_chips(config.design).sense
     last_sample_clock = (device.adc_decimation - 1) * record.master_hz / device.adc_modulator_hz
     ready = math.ceil(last_sample_clock + (build.CONVERSION_DELAY_S + device.adc_delay_s) * record.master_hz)
-    sum_clock = ready + spi_adc.read_clocks(record) + WORD_READY_SLOT
-    product = math.ceil(sum_clock / record.tick_clocks) * record.tick_clocks
+    sum_ready_clock = ready + spi_adc.read_clocks(record) + WORD_READY_SLOT
+    product = math.ceil(sum_ready_clock / record.tick_clocks) * record.tick_clocks
     clocks = (
         product
         + PRODUCT_AND_CODE_CLOCKS
@@ -119,7 +119,7 @@ def word_acts_s(config):
 
 def _by_design(config, device, f_hz):
     """(fields of `LoopParameters` that [design] decides, what the hold over a tick leaves of a tone at f)."""
-    record, code_bits = config.design_record(), chips.design_chips(config.design).sense.bits
+    record, code_bits = config.design_record(), chips.dac_chips(config.design).sense.bits
     turn, full_sine = math.pi * f_hz / record.tick_hz, sine.OUT.for_design(record)
     grid = math.sin(turn) / turn
     return {
@@ -158,13 +158,13 @@ def loop_parameters(config, temp_degc=None):
     passed = math.prod(math.cos(math.atan(w * tau)) for tau in (drive_ring, *amplifiers))
     output_v_per_um = drive_gain * device.signal_gain * passed * 4 / math.pi * edges * 1e-6
     drive_full_v = device.adc_vref_v / device.adc_pga_drive
-    setpoint_fs = config.firmware.amplitude_um * nominal["v_per_um"] / nominal["adc_drive_v"]
-    amplitude_um = setpoint_fs * drive_full_v / output_v_per_um
+    setpoint_fraction = config.firmware.amplitude_um * nominal["v_per_um"] / nominal["adc_drive_v"]
+    amplitude_um = setpoint_fraction * drive_full_v / output_v_per_um
     if device.ring_saturation_on:
         linear_v = abs(drive_gain) * amplitude_um * 1e-6
         amplitude_um = 1e6 * ring_levels.amplitude_m(device, temp_degc, linear_v)
     words = config.firmware
-    inject = sid.device_injection(warm)
+    inject = sid.device_injection_volts(warm)
     rc_s = warm.sid_r_ohm * warm.sid_c_f
     # on-time means are raised by 2 Q R f a stage, and the last capacitor is held a quarter of its jump above its mean
     unequal = [a - b for a, b in zip(inject[:3], inject[3:])]

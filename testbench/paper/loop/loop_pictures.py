@@ -57,10 +57,10 @@ def bode(p, advice):
         bottom.plot(c.hz, at, "o", color=VERMILION, markersize=7, label="|L| = 1" if not k else None)
         top.plot(c.hz, 0, "o", color=VERMILION, markersize=7)
         margin = min(c.lag_deg, c.lead_deg)
-        limit_deg = at + (c.lead_deg if c.lead_deg < c.lag_deg else -c.lag_deg)
+        critical_phase_deg = at + (c.lead_deg if c.lead_deg < c.lag_deg else -c.lag_deg)
         # the curve falls: left of it and below, right of it and above is place for a text
-        side = (-8, 0) if limit_deg < at else (8, 0)
-        _distance(bottom, c.hz, (at, limit_deg), f"phase margin {margin:.0f} deg\nat {c.hz:.1f} Hz", side)
+        side = (-8, 0) if critical_phase_deg < at else (8, 0)
+        _distance(bottom, c.hz, (at, critical_phase_deg), f"phase margin {margin:.0f} deg\nat {c.hz:.1f} Hz", side)
     if advice.gain_margin_up_db is not None:
         # the first frequency at which more gain would bring L to -1
         past = np.argmax(phase < -180)
@@ -73,7 +73,7 @@ def bode(p, advice):
     return figure
 
 
-def closed_bode(p, simulated=None, lines_hz=confirm.LINES_HZ):
+def closed_loop_bode(p, simulated=None, lines_hz=confirm.LINES_HZ):
     """Closed loop: word per rate, with the lines of a simulated multisine and their difference if there are any."""
     loop = lp.close(p)
     dc = advisor.dc_gain(loop)
@@ -108,11 +108,11 @@ def step(p, simulated=None, width_hz=None, centre_hz=None):
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
-            filtered = notch_loop.apply_notch(
+            notched_words = notch_loop.apply_notch(
                 notch_loop.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words
             )
             label = f"behind a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
-            axis.plot(time_s, filtered, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
+            axis.plot(time_s, notched_words, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
         if simulated is not None:
             axis.plot(*simulated, color=GREEN, linestyle=":", linewidth=1.6, label="simulated")
     axes[0, 0].set_xlim(-0.01, 0.4)
@@ -130,11 +130,11 @@ def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
     base = None
     for colour, ye1 in zip((BLUE, GREY, VERMILION), ye1_deg):
         for style, ye2 in zip(("--", "-", ":"), ye2_deg):
-            q = advisor.set_phases(p, ye1, ye2)
+            q = advisor.set_sense_phases(p, ye1, ye2)
             loop = lp.close(q)
             values = lp.response(loop, f) / advisor.dc_gain(loop)
             if base is None:
-                zero = lp.close(advisor.set_phases(p, 0.0, 0.0))
+                zero = lp.close(advisor.set_sense_phases(p, 0.0, 0.0))
                 base = lp.response(zero, f) / advisor.dc_gain(zero)
             edge = advisor.bandwidth(loop)[0]
             label = f"ye1 {ye1:+d}, ye2' {ye2:+d} deg: {edge:.2f} Hz"
@@ -159,7 +159,7 @@ def on_log_plane(axis, operating_point):
         ruler.set_minor_formatter(NullFormatter())
 
 
-def draw_maps(maps, points):
+def draw_stability_maps(maps, points):
     """Stability maps side by side; `points` are (x, y) of the configuration in each."""
     figure, axes = make_axes("Stability: closed-loop maximum, grey where unstable", 4.6, 1, len(maps))
     for axis, m, point in zip(axes[0], maps, points):

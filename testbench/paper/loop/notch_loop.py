@@ -61,8 +61,8 @@ def step_words(p: LoopParameters, seconds=1.0, before_s=0.01):
 
 def ring_share(time_s, words, final=1.0, after_s=AFTER_S, before_s=np.inf):
     """Largest swing about the slow rest, from `after_s` to `before_s` after the step, as a share of the step."""
-    window = (time_s >= after_s) & (time_s < before_s)
-    tail = np.asarray(words)[window] / final
+    tail_mask = (time_s >= after_s) & (time_s < before_s)
+    tail = np.asarray(words)[tail_mask] / final
     span = round(1 / 50 / (time_s[1] - time_s[0]))
     slow = np.convolve(tail, np.ones(span) / span, "valid")
     middle = tail[span // 2 : span // 2 + len(slow)]
@@ -110,7 +110,7 @@ def effect(p: LoopParameters, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5,
     width_hz  of the notch; 20 Hz, or half the centre where that is less
     """
     loop = lp.close(p)
-    ring = advisor.ring_pole(loop, p.split_hz)
+    ring = advisor.ringing_pole(loop, p.split_hz)
     if ring is None or lp.radius(loop) >= 1:
         return None
     centre_hz = centre_hz or ring.hz
@@ -120,7 +120,7 @@ def effect(p: LoopParameters, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5,
     dc = abs(advisor.dc_gain(loop))
     grid = np.linspace(1.0, 100.0, 2000)
     level = np.abs(lp.response(loop, grid) * gain(notch, grid)) / dc
-    past_edge = np.flatnonzero(level < math.sqrt(0.5))
+    past_edge_indices = np.flatnonzero(level < math.sqrt(0.5))
     slow = 1.0
     return Effect(
         centre_hz,
@@ -128,7 +128,7 @@ def effect(p: LoopParameters, width_hz=None, centre_hz=None, off_hz=(0, 1, 2, 5,
         ring_share(time_s, words),
         ring_share(time_s, apply_notch(notch, words)),
         advisor.bandwidth(loop)[0],
-        float(grid[past_edge[0]]) if len(past_edge) else math.nan,
+        float(grid[past_edge_indices[0]]) if len(past_edge_indices) else math.nan,
         float(-np.angle(gain(notch, slow)[0]) / (2 * math.pi * slow) * 1e3),
         {off: float(20 * np.log10(np.abs(gain(notch, ring.hz + off)[0]) + 1e-5)) for off in off_hz},
     )

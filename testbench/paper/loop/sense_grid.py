@@ -12,9 +12,9 @@ from testbench.paper.loop import loop as loops
 from testbench.paper.loop import loop_parameters as loop_parts
 
 
-def phased_loop(config, ye1_deg=0.0, ye2_deg=0.0):
+def phased_parameters(config, ye1_deg=0.0, ye2_deg=0.0):
     """Loop parts of a configuration with the sense phases at these angles."""
-    return advisor.set_phases(loop_parts.loop_parameters(config), ye1_deg, ye2_deg)
+    return advisor.set_sense_phases(loop_parts.loop_parameters(config), ye1_deg, ye2_deg)
 
 
 def sense_grid(config, ye1_deg=(-9.0, -4.5, 0.0, 4.5, 9.0), ye2_deg=(-6.0, 0.0, 6.0)):
@@ -22,7 +22,7 @@ def sense_grid(config, ye1_deg=(-9.0, -4.5, 0.0, 4.5, 9.0), ye2_deg=(-6.0, 0.0, 
     rows = []
     for b in ye2_deg:
         for a in ye1_deg:
-            closed = loops.close(phased_loop(config, a, b))
+            closed = loops.close(phased_parameters(config, a, b))
             slow_response, at = loops.response(closed, np.array([0.01, 10.0]))
             rows.append((a, b, advisor.bandwidth(closed)[0], math.degrees(np.angle(np.sign(slow_response.real) * at))))
     return rows

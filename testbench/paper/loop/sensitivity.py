@@ -201,8 +201,8 @@ def rows(config, parameters=PARAMETERS, progress=None):
 
 def ranking(table, observable):
     """Rows that move an observable, strongest first."""
-    significant = [row for row in table if abs(row.change[observable]) >= RESOLUTION[observable]]
-    return sorted(significant, key=lambda row: -abs(row.change[observable]))
+    significant_rows = [row for row in table if abs(row.change[observable]) >= RESOLUTION[observable]]
+    return sorted(significant_rows, key=lambda row: -abs(row.change[observable]))
 
 
 def matrix(table):

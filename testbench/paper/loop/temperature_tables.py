@@ -6,7 +6,7 @@ Source    docs/parts/cv_noise.md
 import math
 
 from analog_frontend.parts.cv_noise import cv_noise_shares
-from testbench.console.text_table import Table, fixed_digits
+from testbench.console.text_table import Table, to_decimals
 from testbench.paper.loop import derived
 
 TEMPS_DEGC = (-20.0, 25.0, 50.0)
@@ -41,19 +41,19 @@ def shares(config):
     """`Table` of the C/V noise by source (nV/rtHz at the ring's output, sense channel); sources that are 0 left out."""
     noise_shares = [cv_noise_shares(config.device(), temp) for temp in TEMPS_DEGC]
     rows = [
-        (text, *(fixed_digits(1e9 * share[name], 3) for share in noise_shares), "nV/rtHz")
+        (text, *(to_decimals(1e9 * share[name], 3) for share in noise_shares), "nV/rtHz")
         for name, text in SOURCES.items()
         if any(share[name] for share in noise_shares)
     ]
-    rows.append(("all", *(fixed_digits(1e9 * math.hypot(*share.values()), 3) for share in noise_shares), "nV/rtHz"))
+    rows.append(("all", *(to_decimals(1e9 * math.hypot(*share.values()), 3) for share in noise_shares), "nV/rtHz"))
     return Table("C/V noise by source, at the ring's output", **_columns(rows))
 
 
 def numbers(config):
     """`Table` of what is derived at each temperature."""
-    observables = [derived.derive(config, temp) for temp in TEMPS_DEGC]
+    derived_values = [derived.derive(config, temp) for temp in TEMPS_DEGC]
     rows = [
-        (text, *(fixed_digits(getattr(at, name), digits) for at in observables), unit)
+        (text, *(to_decimals(getattr(at, name), digits) for at in derived_values), unit)
         for name, (text, unit, digits) in NUMBERS.items()
     ]
     return Table("Over temperature, derived", **_columns(rows))

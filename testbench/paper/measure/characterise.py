@@ -34,7 +34,7 @@ def record_zero_rate(bench, seconds):
     remaining_s = seconds
     while remaining_s > 1e-9:
         rows = bench.record(min(PIECE_S, remaining_s))
-        words.append(measure_allan.average_rows(rows["rate_word"].astype(float)))
+        words.append(measure_allan.average_row_blocks(rows["rate_word"].astype(float)))
         for name, values in means.items():
             values.append(rows.mean(name))
         remaining_s -= PIECE_S
@@ -147,14 +147,14 @@ def sigmas(bench, scale, lines, rate_dps, base_s, arw_deg_per_rt_h):
     return out
 
 
-def flatten_curves(results):
+def encode_curves(measured_values):
     """Numbers as they are, curves as one text each: what a campaign keeps."""
-    return {name: json.dumps(value) if isinstance(value, list) else value for name, value in results.items()}
+    return {name: json.dumps(value) if isinstance(value, list) else value for name, value in measured_values.items()}
 
 
-def restore_curves(flat_results):
-    """The inverse of `flatten_curves`."""
-    out = dict(flat_results)
+def decode_curves(encoded_values):
+    """The inverse of `encode_curves`."""
+    out = dict(encoded_values)
     for name in CURVES:
         if isinstance(out.get(name), str) and out[name]:
             out[name] = json.loads(out[name])
@@ -163,7 +163,7 @@ def restore_curves(flat_results):
 
 def characterise_points(configs, sinks):
     """As `campaign.engines` says, one point to a call; no 8 kHz rows are kept."""
-    return [flatten_curves(characterise(config, engine=choose_engine(config))) for config in configs]
+    return [encode_curves(characterise(config, engine=choose_engine(config))) for config in configs]
 
 
 def choose_engine(config):
@@ -179,7 +179,7 @@ def choose_engine(config):
     return "baseband"
 
 
-def _warm_up():
+def _compile_kernels():
     from testbench.run import warmup
 
     warmup.warm_up()
@@ -189,5 +189,5 @@ POINTS = Engine(
     characterise_points,
     1,
     ("testbench.paper.measure.characterise", "testbench.run.simulate", "testbench.engines.baseband"),
-    _warm_up,
+    _compile_kernels,
 )

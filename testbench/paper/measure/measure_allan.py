@@ -38,7 +38,7 @@ class Allan(NamedTuple):
     relative_sigma: tuple  # of each deviation
 
 
-def overlapping_deviation(rate, m):
+def overlapping_allan_deviation(rate, m):
     """Overlapping Allan deviation over m values; needs 2 m + 1 of them."""
     x = np.concatenate([[0.0], np.cumsum(rate - np.mean(rate))])
     second = x[2 * m :] - 2 * x[m:-m] + x[: -2 * m]
@@ -60,7 +60,7 @@ def analyse(rate_dps, base_s):
     longest = int(math.log2(n // 5))
     counts = sorted({round(2 ** (k / 2)) for k in range(2 * longest + 1)})
     tau = np.array(counts) * base_s
-    dev = np.array([overlapping_deviation(np.asarray(rate_dps, float), m) for m in counts])
+    dev = np.array([overlapping_allan_deviation(np.asarray(rate_dps, float), m) for m in counts])
     edf = np.array([degrees_of_freedom(n + 1, m) for m in counts])
     use = (tau >= FIT_S[0]) & (tau <= FIT_S[1])
     # weighted by what each deviation squared is worth; twice, because the weight needs the answer
@@ -86,7 +86,7 @@ def analyse(rate_dps, base_s):
     )
 
 
-def average_rows(words, frames=BASE_FRAMES):
+def average_row_blocks(words, frames=BASE_FRAMES):
     """Means of `frames` rows each; the rest is dropped."""
-    length = len(words) // frames * frames
-    return words[:length].reshape(-1, frames).mean(axis=1)
+    used_length = len(words) // frames * frames
+    return words[:used_length].reshape(-1, frames).mean(axis=1)

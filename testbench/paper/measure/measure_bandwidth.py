@@ -58,7 +58,7 @@ def lines_hz(slower=1):
     return np.array(LINES_HZ) / slower
 
 
-def _scaled_response(f, h, lsb_per_dps):
+def _relative_response(f, h, lsb_per_dps):
     h = h / lsb_per_dps
     gain = 20 * np.log10(np.abs(h))
     phase = np.degrees(np.unwrap(np.angle(h)))
@@ -77,7 +77,7 @@ def multisine(bench, lsb_per_dps):
     f = lines_hz(slower)
     word = np.exp(-2j * np.pi * np.outer(f, k * frame_s)) @ (words - words.mean())
     rate = np.exp(-2j * np.pi * np.outer(f, (k + 0.5) * frame_s)) @ multisine_dps(frames, frame_s, lead, slower)
-    return _scaled_response(f, word / (bench.part * rate), lsb_per_dps)
+    return _relative_response(f, word / (bench.part * rate), lsb_per_dps)
 
 
 def sweep_response(bench, lsb_per_dps):
@@ -99,4 +99,4 @@ def sweep_response(bench, lsb_per_dps):
     window = np.ones(width) / width
     h = np.convolve(cross, window, "same") / np.convolve(np.abs(x) ** 2, window, "same")
     centre = np.flatnonzero((f >= 2.0 / slower) & (f <= 60.0 / slower))[:: max(1, width // 2)]
-    return _scaled_response(f[centre], h[centre], lsb_per_dps)
+    return _relative_response(f[centre], h[centre], lsb_per_dps)

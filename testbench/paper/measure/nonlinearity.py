@@ -29,7 +29,7 @@ class Explained(NamedTuple):
     """Nonlinearity (ppm) of a point: as measured, of the rates between the knees, by the rails alone; the knees."""
 
     measured_ppm: float
-    unclipped_ppm: float
+    unrailed_ppm: float
     rail_ppm: float
     ceiling_dps: float  # nan: V_q does not reach it
     zero_dps: float
@@ -66,8 +66,8 @@ def rail_words(rates, knees, turn_deg, leak_deg):
     read = np.array(rates, float)
     bent = 1 - math.tan(math.radians(turn_deg)) * math.tan(math.radians(leak_deg))
     for knee in knees:
-        railed = (np.asarray(rates) - knee) * knee > 0  # of nan: none
-        read[railed] = knee + (read[railed] - knee) / bent
+        railed_mask = (np.asarray(rates) - knee) * knee > 0  # of nan: none
+        read[railed_mask] = knee + (read[railed_mask] - knee) / bent
     return read
 
 

@@ -51,13 +51,13 @@ def mark_shift_pt(number, count):
 
 def legend(figure):
     """One legend below all panels, each name once, in as many columns as there is room for."""
-    handles = {}
+    handle_by_label = {}
     for axis in figure.axes:
         for handle, text in zip(*axis.get_legend_handles_labels()):
-            handles.setdefault(text, handle)
-    wide = HANDLE_PX + LETTER_PX * max(map(len, handles), default=0)
-    columns = max(1, min(len(handles), int(WIDTH_IN * DPI / wide)))
+            handle_by_label.setdefault(text, handle)
+    wide = HANDLE_PX + LETTER_PX * max(map(len, handle_by_label), default=0)
+    columns = max(1, min(len(handle_by_label), int(WIDTH_IN * DPI / wide)))
     figure.legend(
-        handles.values(), handles.keys(), loc="outside lower center", ncols=columns,
+        handle_by_label.values(), handle_by_label.keys(), loc="outside lower center", ncols=columns,
         fontsize=FONT["small"], frameon=False,
     )  # fmt: skip

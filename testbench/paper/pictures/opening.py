@@ -50,11 +50,11 @@ def waterfall(planned, printed):
     figure, axes = make_axes("Phase budget: what each of the four phases is made of", 9.0, 2, 2)
     for axis, (node, rows) in zip(axes.ravel(), planned.rows.items()):
         steps, start = waterfall_steps(rows), 0.0
-        for position, (deg, assumed) in enumerate(steps.values()):
+        for bar_position, (deg, assumed) in enumerate(steps.values()):
             text = "an assumption, or fitted, is in it" if assumed else "follows from the design"
-            axis.bar(position, deg, 0.7, start, color=ORANGE if assumed else BLUE, label=text,
+            axis.bar(bar_position, deg, 0.7, start, color=ORANGE if assumed else BLUE, label=text,
                      hatch="//" if assumed else "", edgecolor="white")  # fmt: skip
-            axis.annotate(f"{deg:+.2f}", (position, max(start, start + deg)), (0, 3), textcoords="offset points",
+            axis.annotate(f"{deg:+.2f}", (bar_position, max(start, start + deg)), (0, 3), textcoords="offset points",
                           ha="center", fontsize=FONT["small"])  # fmt: skip
             start += deg
         names = [*steps, "sum"]

@@ -22,9 +22,9 @@ def allan(points, printed):
 
     printed  {"arw_deg_per_rt_h" or "instability_deg_per_h": {temperature: (value, sigma)}} of the paper, or {}
     """
-    by_temperature = _by_temperature(points)
-    figure, axes = make_axes("Allan deviation at rest, 1 sigma", 6.4, 1, len(by_temperature), sharey=True)
-    for axis, (temp, cases) in zip(axes[0], by_temperature.items()):
+    points_by_temp = _by_temperature(points)
+    figure, axes = make_axes("Allan deviation at rest, 1 sigma", 6.4, 1, len(points_by_temp), sharey=True)
+    for axis, (temp, cases) in zip(axes[0], points_by_temp.items()):
         axis.set_xscale("log")
         axis.set_yscale("log")
         for k, (case, p) in enumerate(cases.items()):
@@ -55,9 +55,9 @@ def allan(points, printed):
 
 def scale_residuals(points, rates_dps):
     """Residuals of the rates (deg/s), and V_q over rate, one column a temperature."""
-    by_temperature = _by_temperature(points)
-    figure, axes = make_axes("22 rates: residual of the line, and V_q", 8.4, 2, len(by_temperature), sharey="row")
-    for column, (temp, cases) in enumerate(by_temperature.items()):
+    points_by_temp = _by_temperature(points)
+    figure, axes = make_axes("22 rates: residual of the line, and V_q", 8.4, 2, len(points_by_temp), sharey="row")
+    for column, (temp, cases) in enumerate(points_by_temp.items()):
         for k, (case, p) in enumerate(cases.items()):
             style = draw.case_style(case) | {"markersize": 4}
             bars = [p.get("nonlinearity_sigma_ppm")] * len(rates_dps)
@@ -99,11 +99,11 @@ def nonlinearity(explained, wide, printed):
         "V_q with more span",
     )
     for axis, temp in zip(axes[0], temps):
-        mine = {c: pair for (c, t), pair in sorted(explained.items()) if t == temp}
+        mine = {c: explained_pair for (c, t), explained_pair in sorted(explained.items()) if t == temp}
         names = list(mine)
         values = [
             [e.measured_ppm for e, _ in mine.values()],
-            [e.unclipped_ppm for e, _ in mine.values()],
+            [e.unrailed_ppm for e, _ in mine.values()],
             [e.rail_ppm for e, _ in mine.values()],
             [wide[c] if temp == 25.0 and c in wide else np.nan for c in names],
         ]

@@ -13,7 +13,7 @@ from testbench.console.report import GREY, SKY, VERMILION, make_axes, name_axes
 from testbench.paper.loop import advisor
 from testbench.paper.loop import loop as loops
 from testbench.paper.loop import loop_parameters as loop_parts
-from testbench.paper.loop.sense_grid import closed_bandwidth, phased_loop, sense_grid
+from testbench.paper.loop.sense_grid import closed_bandwidth, phased_parameters, sense_grid
 from testbench.paper.pictures import draw
 
 
@@ -26,7 +26,7 @@ def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
         "Fig. 5  Force-to-rebalance loop in the frequency domain (analysis, no statistics)", 8.4, 2, 2
     )
     for k, angle in enumerate(angles_deg):
-        p = phased_loop(config, ye1_deg=angle)
+        p = phased_parameters(config, ye1_deg=angle)
         ratio = loops.return_ratio(p, f)
         level = 20 * np.log10(np.abs(ratio))
         rise.append(float(level[f > 100.0].max() - level[(f > 60.0) & (f < split_hz)].min()))
@@ -94,15 +94,15 @@ def sense_errors(config):
     name_axes(axes[0, 0], "ye1 (deg)", "bandwidth (Hz)")
     name_axes(axes[0, 1], "ye1 (deg)", "phase at 10 Hz (deg)")
     draw.legend(figure)
-    ye1_only = [r[2] for r in rows if r[1] == 0.0]
+    ye1_only_hz = [r[2] for r in rows if r[1] == 0.0]
     every = [r[2] for r in rows]
-    nominal = closed_bandwidth(phased_loop(config))
-    gain = closed_bandwidth(advisor.vary_parameters(phased_loop(config), crossover=math.cos(math.radians(9.0))))
+    nominal_hz = closed_bandwidth(phased_parameters(config))
+    gain = closed_bandwidth(advisor.vary_parameters(phased_parameters(config), crossover=math.cos(math.radians(9.0))))
     return Picture(
         "fig_6b_bandwidth",
-        f"What to see: ye1 alone moves the bandwidth by {max(ye1_only) - min(ye1_only):.2f} Hz, both phases by "
+        f"What to see: ye1 alone moves the bandwidth by {max(ye1_only_hz) - min(ye1_only_hz):.2f} Hz, both phases by "
         f"{max(every) - min(every):.2f} Hz; the paper says less than 0.3 Hz. The loop gain falls "
-        f"with cos(ye1 + ye2'), which at 9 deg alone makes {nominal - gain:.2f} Hz; the rest is the coupling to the "
+        f"with cos(ye1 + ye2'), which at 9 deg alone makes {nominal_hz - gain:.2f} Hz; the rest is the coupling to the "
         "quadrature loop.",
         figure,
     )

@@ -28,7 +28,7 @@ class Cause(NamedTuple):
     chi2: float  # above that of the best set, priors counted
 
 
-def nearby_sets(ranking, best, fit, laws):
+def nearby_law_sets(ranking, best, fit, laws):
     """Sets that the linear model puts near the best one, small ones first; `fit` is that of the best set."""
     pool, rows = tuple(n for n in ranking.names if n not in ranking.hidden), []
     sets_by_size = [linear_sets(ranking, pool, laws, size) for size in range(1, len(best) + 1)]
@@ -47,7 +47,7 @@ def find_causes(work, ranking, best, passes):
     ranking  of all laws at the base fit;   passes  function(fit): the held-out test
     """
     top = work.candidates[best]
-    out, todo, tried = [Cause(best, top.fit, 0.0)], nearby_sets(ranking, best, top.fit, work.laws), 0
+    out, todo, tried = [Cause(best, top.fit, 0.0)], nearby_law_sets(ranking, best, top.fit, work.laws), 0
     while todo and tried < TRIED and len(out) <= MOST:
         names = tuple(sorted(todo.pop(0)))
         if any(set(c.names) <= set(names) for c in out):

@@ -35,10 +35,10 @@ def forward(values, columns, nuisance, most=MOST_TERMS):
     q = np.linalg.qr(nuisance)[0] if nuisance.shape[1] else np.zeros((len(values), 0))
     base = residual = values - q @ (q.T @ values)
     column_norms = np.linalg.norm(columns, axis=0)
-    projected = columns - q @ (q.T @ columns)
+    projected_columns = columns - q @ (q.T @ columns)
     chosen, n = [], len(values)
     best, start = float(residual @ residual), float(residual @ residual)
-    remaining = projected.copy()
+    remaining = projected_columns.copy()
     while len(chosen) < most:
         length = np.linalg.norm(remaining, axis=0)
         usable = length > 1e-6 * np.where(column_norms > 0, column_norms, np.inf)
@@ -54,7 +54,7 @@ def forward(values, columns, nuisance, most=MOST_TERMS):
         remaining = remaining - np.outer(u, u @ remaining)
         chosen.append(k)
         best = float(residual @ residual)
-    c = np.linalg.lstsq(projected[:, chosen], base, rcond=None)[0] if chosen else np.zeros(0)
+    c = np.linalg.lstsq(projected_columns[:, chosen], base, rcond=None)[0] if chosen else np.zeros(0)
     return chosen, c, best, best + len(chosen) * (np.log(n) + 2 * np.log(columns.shape[1])), start
 
 
@@ -89,9 +89,9 @@ def select(force, rng, bootstraps=BOOTSTRAPS):
 
 def forces(problem, fit, ranking):
     """`PortForce`s: the problem's own estimates, or signatures in feature space, per port of the laws."""
-    estimates = problem.force_at(fit.point.theta, fit.model.effects(fit.point))
-    if estimates:
-        return list(estimates)
+    port_forces = problem.force_at(fit.point.theta, fit.model.effects(fit.point))
+    if port_forces:
+        return list(port_forces)
     laws, space = all_laws(problem), fit.model.space
     block = np.zeros(space.size, int)
     for i, b in enumerate(space.blocks):
@@ -106,14 +106,14 @@ def forces(problem, fit, ranking):
 def discover(problem, fit, ranking, seed):
     """`Selection`s per port, the one that explains most first."""
     rng = np.random.default_rng([seed, 6])
-    selections = [select(force, rng) for force in forces(problem, fit, ranking)]
-    return sorted(selections, key=lambda s: (-s.share * max(s.energy, 0.0), s.port))
+    port_selections = [select(force, rng) for force in forces(problem, fit, ranking)]
+    return sorted(port_selections, key=lambda s: (-s.share * max(s.energy, 0.0), s.port))
 
 
-def proposals(selections):
+def proposals(port_selections):
     """Sets of laws to refit: what was chosen at each port, and its single laws that the bootstrap keeps."""
     out = []
-    for s in selections:
+    for s in port_selections:
         if s.laws:
             out.append(tuple(sorted(s.laws)))
             out += [(law,) for law in s.laws if s.inclusion.get(law, 0.0) >= INCLUDED]

@@ -69,9 +69,9 @@ def linear_sets(ranking, names, laws, size):
     law_limits = np.array([(law.scale, law.sign, law.low, law.high) for law in (laws[n] for n in names)]).reshape(-1, 4)
     scale, sign, low, high = np.moveaxis(law_limits[members], 2, 0)
     sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
-    admissible = good & np.all((sd <= scale) & (c >= low - LIMIT_SDS * sd) & (c <= high + LIMIT_SDS * sd), axis=1)
+    is_admissible = good & np.all((sd <= scale) & (c >= low - LIMIT_SDS * sd) & (c <= high + LIMIT_SDS * sd), axis=1)
     fall = np.where(good, np.einsum("ni,ni->n", c, ranking.b[k]), 0.0)
-    gain = np.where(admissible, 0.5 * fall + log_coefficients(c, cov, scale, sign), -np.inf)
+    gain = np.where(is_admissible, 0.5 * fall + log_coefficients(c, cov, scale, sign), -np.inf)
     return LinearSets(tuple(names), members, fall, c, gain)
 
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
-from testbench.tracing.fit.rivals import change_sigma, confirmation
+from testbench.tracing.fit.rivals import change_noise_sd, confirmation
 from testbench.tracing.problem.model import Model
 from testbench.tracing.problem.predictor import Failed
 
@@ -51,7 +51,7 @@ def squares(problem, space, predictions, by):
     out, floors, units = {}, {}, {}
     for g, group in enumerate(space.groups):
         for k in group.members:
-            y, segment = np.asarray(problem.segment_features(k), float), problem.segments[k]
+            y, segment = np.asarray(problem.observed_features(k), float), problem.segments[k]
             floor = problem.repeatability_rms(k)
             for o in segment.observables:
                 key = _key(by, segment, o)
@@ -88,7 +88,7 @@ def bootstrap(pieces, rng):
     return rms, np.sqrt((weights @ total) / (weights @ count)[:, None])
 
 
-def fit_uncertainty(space, ask, f):
+def uncertainty_directions(space, ask, f):
     """What one standard deviation of each principal direction of a fit moves: [(rows, directions) per group].
 
     None if a step cannot be predicted.
@@ -100,42 +100,44 @@ def fit_uncertainty(space, ask, f):
     # a law with a sign may only be moved away from zero
     steps = sd * np.concatenate([np.ones(n), np.where(f.point.c < 0, -1.0, 1.0)])
     points = [f.point, *(f.model.shift_point(f.point, j, steps[j]) for j in range(len(sd)))]
-    (now, *shifted) = ask([(p.theta, f.model.effects(p)) for p in points], space.which)
-    if any(isinstance(m, Failed) for m in (now, *shifted)):
+    (now, *shifted_predictions) = ask([(p.theta, f.model.effects(p)) for p in points], space.which)
+    if any(isinstance(m, Failed) for m in (now, *shifted_predictions)):
         return None
     values, vectors = np.linalg.eigh(f.covariance / np.outer(steps, steps))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return [np.stack([m[g] - now[g] for m in shifted], axis=1) @ root for g in range(len(space.groups))]
+    return [np.stack([m[g] - now[g] for m in shifted_predictions], axis=1) @ root for g in range(len(space.groups))]
 
 
-def simulate_sets(problem, space, predictions, directions, by, rng):
+def simulate_heldout_sets(problem, space, predictions, directions, by, rng):
     """({key: (sets, models) mean squares of held-out sets}, {key: (sets,) those of deviations between their repeats}).
 
     Of each set the last prediction is the truth's best fit.
     """
-    out, deviation_squares, rows, prediction_sd = {}, {}, {}, np.sqrt(problem.prediction_noise)
+    out, deviation_squares, rows, prediction_noise_sd = {}, {}, {}, np.sqrt(problem.prediction_noise)
     total = sum(len(p) * len(g.members) for p, g in zip(predictions[-1], space.groups))
     count = int(np.clip(NUMBERS // max(total * len(predictions), 1), 100, SIMULATED))
     xi = rng.normal(size=(directions[0].shape[1], count))
     for g, group in enumerate(space.groups):
-        prediction_error = prediction_sd * problem.noise_draws(group.members[0], count, rng) if prediction_sd else 0.0
+        prediction_error = (
+            prediction_noise_sd * problem.noise_draws(group.members[0], count, rng) if prediction_noise_sd else 0.0
+        )
         common = directions[g] @ xi + prediction_error
         draws = np.stack([problem.noise_draws(k, count, rng) for k in group.members])
-        for k, noise, deviation in zip(group.members, draws + common, draws - draws.mean(axis=0)):
+        for k, noise, repeat_deviation in zip(group.members, draws + common, draws - draws.mean(axis=0)):
             for o in problem.segments[k].observables:
                 key = _key(by, problem.segments[k], o)
                 e = [noise[o.rows] + (predictions[-1][g] - p[g])[o.rows, None] for p in predictions]
                 out[key] = out.get(key, 0.0) + np.stack([(x**2).sum(axis=0) for x in e], axis=1)
-                deviation_squares[key] = deviation_squares.get(key, 0.0) + (deviation[o.rows] ** 2).sum(axis=0)
+                deviation_squares[key] = deviation_squares.get(key, 0.0) + (repeat_deviation[o.rows] ** 2).sum(axis=0)
                 rows[key] = rows.get(key, 0) + len(noise[o.rows])
     return {key: v / rows[key] for key, v in out.items()}, {key: v / rows[key] for key, v in deviation_squares.items()}
 
 
 def deviations(problem, space, by):
-    """{key: mean square of the repeats about their mean}, of the data as `simulate_sets` has it of its sets."""
+    """{key: mean square of the repeats about their mean}, of the data as `simulate_heldout_sets` has it of its sets."""
     out, rows = {}, {}
     for group in space.groups:
-        y = np.stack([np.asarray(problem.segment_features(k), float) for k in group.members])
+        y = np.stack([np.asarray(problem.observed_features(k), float) for k in group.members])
         for k, d in zip(group.members, y - y.mean(axis=0)):
             for o in problem.segments[k].observables:
                 key = _key(by, problem.segments[k], o)
@@ -144,18 +146,18 @@ def deviations(problem, space, by):
     return {key: v / rows[key] for key, v in out.items()}
 
 
-def p_floor(square, sets, deviation, deviation_sets):
+def p_floor(square, sets, deviation_square, simulated_deviations):
     """The larger of the chances of a mean square, and of its ratio to the repeats' deviations if there are any.
 
     1 if repeats deviate that by the problem's noise are the same: then no error is too large for that noise.
     """
-    if deviation > 0 and not deviation_sets.all():
+    if deviation_square > 0 and not simulated_deviations.all():
         return 1.0
     p = mean_square_p(square, sets)
-    return max(p, mean_square_p(square / deviation, sets / deviation_sets)) if deviation > 0 else p
+    return max(p, mean_square_p(square / deviation_square, sets / simulated_deviations)) if deviation_square > 0 else p
 
 
-def scaled_chi2(sets):
+def fit_scaled_chi2(sets):
     """(factor, dof) of the scaled chi2 with the mean and variance of simulated mean squares (Satterthwaite)."""
     dof = 2 * sets.mean() ** 2 / sets.var()
     return sets.mean() / dof, dof
@@ -165,35 +167,37 @@ def mean_square_p(square, sets):
     """Chance of a mean square as large, if the expected one were FLOOR_FACTOR^2 times that of the simulated sets."""
     if sets.min() == sets.max():
         return float(square <= FLOOR_FACTOR**2 * sets[0])
-    factor, dof = scaled_chi2(sets)
+    factor, dof = fit_scaled_chi2(sets)
     return float(chi2_law.sf(square / FLOOR_FACTOR**2 / factor, dof))
 
 
 def mean_draws(space, rng):
     """(rows, CHI2_SETS) of whitened means of the problem's noise, Gaussian or not, and of the prediction's own."""
     problem, parts = space.problem, []
-    prediction_sd = np.sqrt(problem.prediction_noise)
+    prediction_noise_sd = np.sqrt(problem.prediction_noise)
     for g, w in zip(space.groups, space.weights):
         mean = np.mean([problem.noise_draws(k, CHI2_SETS, rng) for k in g.members], axis=0)
-        mean = mean + (prediction_sd * problem.noise_draws(g.members[0], CHI2_SETS, rng) if prediction_sd else 0.0)
+        mean = mean + (
+            prediction_noise_sd * problem.noise_draws(g.members[0], CHI2_SETS, rng) if prediction_noise_sd else 0.0
+        )
         parts.append(w * space.whiten_rows(g.members[0], mean) / space.gain)
     return np.concatenate(parts)
 
 
 def exceeded_floors(rows):
     """Names of the rows whose error cannot be FLOOR_FACTOR times the expected one, all tested together."""
-    p_floors = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
-    return [k for k, p in p_floors.items() if 1 - (1 - p) ** len(p_floors) < FLOOR_ALPHA]
+    p_by_row = {k: r["p_floor"] for k, r in rows.items() if r["p_floor"] is not None}
+    return [k for k, p in p_by_row.items() if 1 - (1 - p) ** len(p_by_row) < FLOOR_ALPHA]
 
 
-def worse(heldout):
+def worse(heldout_result):
     """What has become worse with the last model: chi2 of all, or an observable by HARM and significantly.
 
     The 95 % intervals are as wide as all observables together ask for.
     """
-    last = list(heldout.chi2.values())
+    last = list(heldout_result.chi2.values())
     out = ["chi2"] if len(last) > 1 and last[-1] > last[0] else []
-    return out + [k for k, r in heldout.rows.items() if r["gain_most"] < 0 and r["gain"] < -HARM * r["before"]]
+    return out + [k for k, r in heldout_result.rows.items() if r["gain_most"] < 0 and r["gain"] < -HARM * r["before"]]
 
 
 def _quantiles(draws):
@@ -230,8 +234,10 @@ def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, d
     view, view_predictions = (problem, predictions) if view is None else (view, ask(points, space.which))
     pieces, floors, units = squares(view, space, view_predictions, by)
     rng, rows = np.random.default_rng([seed, 2]), {}
-    directions = fit_uncertainty(space, ask, last) if declared and space.size else None
-    sets, deviation_sets = simulate_sets(view, space, view_predictions, directions, by, rng) if directions else ({}, {})
+    directions = uncertainty_directions(space, ask, last) if declared and space.size else None
+    sets, simulated_deviations = (
+        simulate_heldout_sets(view, space, view_predictions, directions, by, rng) if directions else ({}, {})
+    )
     repeat_deviations = deviations(view, space, by)
     for key in pieces:
         rms, draws = bootstrap(pieces[key], rng)
@@ -249,7 +255,7 @@ def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, d
         if simulated_squares is not None:
             last_squares = simulated_squares[:, -1]
             row["expected"] = float(np.sqrt(last_squares.mean()))
-            row["p_floor"] = p_floor(rms[-1] ** 2, last_squares, repeat_deviations[key], deviation_sets[key])
+            row["p_floor"] = p_floor(rms[-1] ** 2, last_squares, repeat_deviations[key], simulated_deviations[key])
         excess = rms[0] ** 2 - (floor or 0.0) ** 2
         row["excess_removed"] = float((rms[0] ** 2 - rms[-1] ** 2) / excess) if floor and excess > 0 else None
         rows[key] = row
@@ -282,9 +288,9 @@ def predictive_log_odds(space, first, last, root_first, root_last):
     if root_first is None or root_last is None:
         return 0.0
     change = first - last
-    direction, noise = change / np.linalg.norm(change), change_sigma(space, change, last)
-    variance = [noise**2 + np.sum((direction @ root) ** 2) for root in (root_first, root_last)]
-    cost = [(direction @ z) ** 2 / v + np.log(v) for z, v in zip((first, last), variance)]
+    change_direction, noise = change / np.linalg.norm(change), change_noise_sd(space, change, last)
+    variance = [noise**2 + np.sum((change_direction @ root) ** 2) for root in (root_first, root_last)]
+    cost = [(change_direction @ z) ** 2 / v + np.log(v) for z, v in zip((first, last), variance)]
     return float(cost[0] - cost[1]) / 2
 
 
@@ -293,14 +299,14 @@ def _loudness(space, noise):
     most, values = max(map(len, space.contrasts), default=0), []
     again = noise.whitener(space) if noise else lambda v: v
     for i in range(most):
-        present = np.concatenate([np.full(c.shape[1], i < len(c)) for c in space.contrasts])
+        has_contrast = np.concatenate([np.full(c.shape[1], i < len(c)) for c in space.contrasts])
         rows = np.concatenate([c[i] if i < len(c) else np.zeros(c.shape[1]) for c in space.contrasts])
-        values.append(again(space.refine(rows))[present])
+        values.append(again(space.refine(rows))[has_contrast])
     values = np.concatenate([*values, np.zeros(0)])
     return float(np.mean(values**2)) if len(values) and values @ values > chi2_law.ppf(LEVEL, len(values)) else 1.0
 
 
-def _limit(space, root, declared, noise, rng, observed):
+def _limit(space, root, declared, noise, rng, observed_chi2):
     """(99.7 % of chi2 / rows if the last model is right, with what the fit does not know; chance of the one seen).
 
     From simulated sets, Gaussian if the declared noise has been rejected, each with octaves as loud as they may be for
@@ -312,6 +318,6 @@ def _limit(space, root, declared, noise, rng, observed):
     if noise:
         draws = noise.scale_octaves(space, draws, rng)
     z = draws + root @ rng.normal(size=(root.shape[1], CHI2_SETS))
-    factor, dof = scaled_chi2((z**2).mean(axis=0))
+    factor, dof = fit_scaled_chi2((z**2).mean(axis=0))
     factor *= _loudness(space, noise)
-    return float(chi2_law.isf(REFUSED, dof) * factor), float(chi2_law.sf(observed / factor, dof))
+    return float(chi2_law.isf(REFUSED, dof) * factor), float(chi2_law.sf(observed_chi2 / factor, dof))

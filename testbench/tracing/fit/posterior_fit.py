@@ -81,24 +81,24 @@ class Solver(NamedTuple):
         return u, s, vt, s > BROKEN * max(s.max(initial=0.0), 1e-300)
 
     def step(self, damping=0.0):
-        u, s, vt, retained = self.svd()
-        gain = np.where(retained, s / np.where(retained, s * s + damping, 1.0), 0.0)
+        u, s, vt, is_retained = self.svd()
+        gain = np.where(is_retained, s / np.where(is_retained, s * s + damping, 1.0), 0.0)
         return (vt.T @ (gain * (u.T @ self.q_rhs))) / self.scale
 
     def decrement(self):
-        u, _, _, retained = self.svd()
-        return float(np.sum((u.T @ self.q_rhs)[retained] ** 2))
+        u, _, _, is_retained = self.svd()
+        return float(np.sum((u.T @ self.q_rhs)[is_retained] ** 2))
 
     def covariance(self):
-        _, s, vt, retained = self.svd()
+        _, s, vt, is_retained = self.svd()
         v = vt.T / self.scale[:, None]
-        out = (v[:, retained] / s[retained] ** 2) @ v[:, retained].T
-        loose = np.abs(vt[~retained]).max(axis=0, initial=0.0) > 1e-3
+        out = (v[:, is_retained] / s[is_retained] ** 2) @ v[:, is_retained].T
+        loose = np.abs(vt[~is_retained]).max(axis=0, initial=0.0) > 1e-3
         out[loose, loose] = np.inf
         return out
 
 
-def evaluate_cost(model, point, prediction):
+def residual_and_cost(model, point, prediction):
     z = model.space.residual(prediction)
     prior = model.prior_rows(point)
     return z, float(z @ z + prior @ prior)
@@ -128,7 +128,7 @@ def _better(model, point, solver, cost, first):
         points, better = [_add_step(model, point, solver.step(damping)) for damping in dampings], None
         for damping, other, prediction in zip(dampings, points, model.ask(points)):
             if not isinstance(prediction, Failed):
-                z, lower = evaluate_cost(model, other, prediction)
+                z, lower = residual_and_cost(model, other, prediction)
                 if lower < cost and (better is None or lower < better[3]):
                     better = (other, prediction, z, lower, DAMPINGS.index(damping))
         if better is not None:
@@ -146,7 +146,7 @@ def fit(model, start, jacobian=None):
     point, (prediction,) = start, model.ask([start])
     if isinstance(prediction, Failed):
         return Fit(model, start, failed=prediction.reason)
-    z, cost = evaluate_cost(model, point, prediction)
+    z, cost = residual_and_cost(model, point, prediction)
     if fresh:
         jacobian, lost = _fresh(model, point, prediction)
         if lost:
@@ -168,14 +168,14 @@ def fit(model, start, jacobian=None):
         if better is not None:
             gained = cost - better[3]
             point, prediction, z, cost, first = better
-        stalled = better is not None and fresh and gained < min(1e-9 * max(cost, 1.0), ENOUGH)
+        is_stalled = better is not None and fresh and gained < min(1e-9 * max(cost, 1.0), ENOUGH)
         fresh = fresh and better is None
         if not keep and not fresh:
             jacobian, lost = _fresh(model, point, prediction)
             if lost:
                 return Fit(model, point, failed=lost)
             fresh = True
-        if stalled:
+        if is_stalled:
             solver = Solver.from_jacobian(model, point, z, _free(model, point, z, jacobian))
             decrement = solver.decrement()
             break
@@ -212,7 +212,7 @@ def calibrate(model, starts=2, seed=0, begin=None, progress=None):
     best = fit(model, begin or model.start())
     costs, rng = [best.cost], np.random.default_rng([seed, 1])
     spread = []
-    while len(costs) < starts or (1 < starts <= len(costs) < starts + 3 and _count_agreeing(costs, model) < 2):
+    while len(costs) < starts or (1 < starts <= len(costs) < starts + 3 and _count_agreeing_starts(costs, model) < 2):
         wide = np.where(np.isfinite(model.sd), SPREAD * model.sd, np.inf)
         reach = REACH * best.sd[: len(model.sd)] if not best.failed else wide
         width = np.minimum(wide, reach)
@@ -228,7 +228,7 @@ def calibrate(model, starts=2, seed=0, begin=None, progress=None):
             best = other
         if progress:
             progress("calibrating", min(len(costs), starts), starts)
-    agreeing, unit = _count_agreeing(costs, model), misfit_unit(best)
+    agreeing, unit = _count_agreeing_starts(costs, model), misfit_unit(best)
     converged = not best.failed and best.decrement < CONVERGED * unit and (agreeing >= 2 or starts == 1)
     certificate = {
         "converged": bool(converged),
@@ -251,6 +251,6 @@ def misfit_unit(best_fit):
     return max(1.0, best_fit.cost / max(best_fit.model.space.size, 1)) if np.isfinite(best_fit.cost) else 1.0
 
 
-def _count_agreeing(costs, model):
+def _count_agreeing_starts(costs, model):
     width = AGREED * max(1.0, min(costs) / max(model.space.size, 1))
     return sum(cost <= min(costs) + width for cost in costs if np.isfinite(cost))

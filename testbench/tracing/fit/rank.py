@@ -28,14 +28,14 @@ class Projection:
         u, s, _ = np.linalg.svd(a / np.where(scale > 0, scale, 1.0), full_matrices=False)
         self.q = u[:, s > 1e-10 * max(s.max(initial=0.0), 1e-300)]
 
-    def project_all(self, v, prior=None):
+    def project_with_priors(self, v, prior=None):
         """P of [v; prior] with the prior's rows still there; columns stay columns."""
         prior_rows = np.zeros((self.priors, *v.shape[1:])) if prior is None else prior
-        stacked = np.concatenate([v, prior_rows])
-        return stacked - self.q @ (self.q.T @ stacked)
+        stacked_rows = np.concatenate([v, prior_rows])
+        return stacked_rows - self.q @ (self.q.T @ stacked_rows)
 
     def __call__(self, v, prior=None):
-        return self.project_all(v, prior)[: self.rows]
+        return self.project_with_priors(v, prior)[: self.rows]
 
 
 class Ranking(NamedTuple):
@@ -102,13 +102,13 @@ def rank(fit, names, columns, projection=None, z=None):
     good = np.isfinite(columns).all(axis=0)
     failed = tuple(n for n, ok in zip(names, good) if not ok)
     names, columns = tuple(n for n, ok in zip(names, good) if ok), columns[:, good]
-    projected = projection.project_all(columns)
-    residual = projection.project_all(z[:, None], prior_z(fit)[:, None])[:, 0]
-    length, full_length = np.linalg.norm(projected, axis=0), np.linalg.norm(columns, axis=0)
-    visible = (length > HIDDEN * full_length) & (full_length > 0)
-    hidden = tuple(n for n, ok in zip(names, visible) if not ok)
-    length = np.where(visible, length, 0.0)
-    b = np.where(visible, projected.T @ residual, 0.0)
+    projected = projection.project_with_priors(columns)
+    residual = projection.project_with_priors(z[:, None], prior_z(fit)[:, None])[:, 0]
+    length, unprojected_length = np.linalg.norm(projected, axis=0), np.linalg.norm(columns, axis=0)
+    is_visible = (length > HIDDEN * unprojected_length) & (unprojected_length > 0)
+    hidden = tuple(n for n, ok in zip(names, is_visible) if not ok)
+    length = np.where(is_visible, length, 0.0)
+    b = np.where(is_visible, projected.T @ residual, 0.0)
     t = np.divide(b, length, out=np.zeros_like(b), where=length > 0)
     gram = projected.T @ projected
     return Ranking(names, columns, projected, gram, b, length, t, hidden, failed)

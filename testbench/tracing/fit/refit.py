@@ -6,7 +6,7 @@ ends on the forbidden side, or does not come from nothing (a jump at coefficient
 
 import numpy as np
 
-from testbench.tracing.fit.posterior_fit import Solver, evaluate_cost, fit
+from testbench.tracing.fit.posterior_fit import Solver, fit, residual_and_cost
 from testbench.tracing.problem.model import Model, Point, law_step
 from testbench.tracing.problem.predictor import Failed
 
@@ -19,12 +19,12 @@ def discontinuous(base, law):
     step, _ = law_step(law, base.model.problem)
     effects = base.model.effects(base.point)
     points = [(base.point.theta, effects | {law.name: k * step}) for k in (1.0, 2.0)]
-    one_step, two_steps = base.model.predictor(points, base.model.space.which)
-    if isinstance(one_step, Failed) or isinstance(two_steps, Failed):
+    one_step_prediction, two_step_prediction = base.model.predictor(points, base.model.space.which)
+    if isinstance(one_step_prediction, Failed) or isinstance(two_step_prediction, Failed):
         return False
     space = base.model.space
-    small = space.whitened_change(one_step, base.prediction)
-    jump = np.linalg.norm(2 * small - space.whitened_change(two_steps, base.prediction))
+    small = space.whitened_change(one_step_prediction, base.prediction)
+    jump = np.linalg.norm(2 * small - space.whitened_change(two_step_prediction, base.prediction))
     return bool(jump > JUMP and jump > JUMP_SHARE * np.linalg.norm(small))
 
 
@@ -49,7 +49,7 @@ def linear_start(base, model, columns):
         tried = [Point(origin.theta + share * step[:n], origin.c + share * step[n:]) for share in shares]
         for point, prediction in zip(tried, model.ask(tried)):
             if not isinstance(prediction, Failed):
-                _, cost = evaluate_cost(model, point, prediction)
+                _, cost = residual_and_cost(model, point, prediction)
                 if cost < lowest:
                     best, lowest = point, cost
         if best is not origin:
@@ -78,8 +78,8 @@ def refit(base, names, table):
         return new_fit._replace(failed="no better than without it: diverged")
     if not np.all(np.isfinite(new_fit.covariance)):
         return new_fit._replace(failed="data do not fix the coefficient")
-    change = np.concatenate([new_fit.point.theta - origin.theta, new_fit.point.c - origin.c])
-    bend = float(np.linalg.norm(new_fit.z - base.z + jacobian @ change))
+    point_change = np.concatenate([new_fit.point.theta - origin.theta, new_fit.point.c - origin.c])
+    bend = float(np.linalg.norm(new_fit.z - base.z + jacobian @ point_change))
     return new_fit._replace(bend=base.bend + bend)
 
 

@@ -36,10 +36,10 @@ def confirmation(space, before, after):
     change = before - after
     if not change.any() or after @ after >= before @ before:
         return 0.0
-    return float(change @ before / np.linalg.norm(change) / change_sigma(space, change, after))
+    return float(change @ before / np.linalg.norm(change) / change_noise_sd(space, change, after))
 
 
-def change_sigma(space, change, after):
+def change_noise_sd(space, change, after):
     """Noise along a change, in units of the declared one: 1, or the blocks' own scatter about it if that is larger.
 
     So it is not too small in a noise that is slower or larger than declared.

@@ -112,10 +112,10 @@ class Search:
         singles = evidence.best_sets(ranking, pool, self.base.model.problem, 1, len(pool), self.priors)
         for gain, names in singles:
             self._linear(names, gain, ())
-        refits = 0
+        refit_count = 0
         for _, names in singles[:MOST_TRIES]:
-            refits += self.refit(names)
-            if refits == REFITS:
+            refit_count += self.refit(names)
+            if refit_count == REFITS:
                 break
         self._settle()
         for level in range(1, max_laws):
@@ -136,13 +136,13 @@ class Search:
 
     def _grow(self, best, ranking, pool):
         """Refit sets with one law more than `best`, and their subsets; False if it is adequate and no more law pays."""
-        remaining = tuple(n for n in pool if n not in best)
-        if not remaining:
+        remaining_laws = tuple(n for n in pool if n not in best)
+        if not remaining_laws:
             return False
         fit = self.candidates[best].fit
-        after = rank(fit, remaining, self.table.signature_columns(fit, remaining))
-        visible = [n for n in after.names if n not in after.hidden]
-        forward = evidence.best_sets(after, visible, fit.model.problem, 1, REFITS, self.priors)
+        after = rank(fit, remaining_laws, self.table.signature_columns(fit, remaining_laws))
+        visible_laws = [n for n in after.names if n not in after.hidden]
+        forward = evidence.best_sets(after, visible_laws, fit.model.problem, 1, REFITS, self.priors)
         worth = bool(forward) and forward[0][0] + evidence.log_prior(forward[0][1], self.priors) > WORTH
         if self.is_adequate(best) and not worth:
             return False
@@ -185,8 +185,8 @@ def _unseen_reason(fit):
 
 def _unphysical_reason(fit):
     """Which coefficients physics forbids: ""."""
-    coefficients = zip(fit.model.laws, fit.point.c, fit.sd[len(fit.point.theta) :])
-    return "; ".join(why for law, c, sd in coefficients if (why := law.beyond(float(c), float(sd))))
+    law_coefficients = zip(fit.model.laws, fit.point.c, fit.sd[len(fit.point.theta) :])
+    return "; ".join(why for law, c, sd in law_coefficients if (why := law.beyond(float(c), float(sd))))
 
 
 def inclusion(names, p):

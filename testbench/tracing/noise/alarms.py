@@ -72,11 +72,11 @@ def declared_draws(space, count, rng):
 
 def null_statistics(statistics, projection, draw, draws, rng):
     """(statistics, draws) of noise pushed through the projection of the fit, priors drawn too."""
-    parts = []
+    batch_statistics = []
     for count in batches(draws, projection.rows):
         prior = rng.normal(size=(projection.priors, count))
-        parts.append(statistics.evaluate(projection.project_all(draw(count), prior)))
-    return np.concatenate(parts, axis=1)
+        batch_statistics.append(statistics.evaluate(projection.project_with_priors(draw(count), prior)))
+    return np.concatenate(batch_statistics, axis=1)
 
 
 def rotation_test(space, rankings, fit, draws, rng):
@@ -95,9 +95,9 @@ def rotation_test(space, rankings, fit, draws, rng):
         for label, r in rankings.items()
     }
     statistics = Statistics(space, group_rankings, laws, inside, groups)
-    residual = inside.project_all(z[:, None], prior_z(fit)[:, None])[:, 0]
+    residual = inside.project_with_priors(z[:, None], prior_z(fit)[:, None])[:, 0]
     observed = statistics.evaluate(residual[:, None])[:, 0]
-    null_parts = []
+    null_batches = []
     for count in batches(draws, space.size):
         copy, mixed = np.zeros((space.size, count)), np.zeros((space.size, count))
         turns = {}
@@ -109,12 +109,14 @@ def rotation_test(space, rankings, fit, draws, rng):
             turns[g] = turn / np.linalg.norm(turn, axis=0)
         prior = rng.normal(size=(inside.priors, count))
         stacked = np.concatenate([copy, prior])
-        mean = residual[: space.size, None] + (stacked - inside.project_all(copy, prior))[: space.size]
+        mean = residual[: space.size, None] + (stacked - inside.project_with_priors(copy, prior))[: space.size]
         for g in groups:
             span, turn = space.groups[g].rows, turns[g]
             mixed[span] = turn[0] * mean[span] + space.contrasts[g].T @ turn[1:]
-        null_parts.append(statistics.evaluate(inside.project_all(mixed, rng.normal(size=(inside.priors, count)))))
-    return _test(statistics, observed, np.concatenate(null_parts, axis=1))
+        null_batches.append(
+            statistics.evaluate(inside.project_with_priors(mixed, rng.normal(size=(inside.priors, count))))
+        )
+    return _test(statistics, observed, np.concatenate(null_batches, axis=1))
 
 
 def refined_view(fit, rankings, noise):
@@ -139,7 +141,7 @@ def alarms(store, fit, rankings, noise, draws, seed):
         views.append((*refined_view(fit, rankings, noise)[:3], noise.refined_draws))
 
     def against_null(inner, z, statistics, draw):
-        observed = statistics.evaluate(inner.project_all(z[:, None], prior))[:, 0]
+        observed = statistics.evaluate(inner.project_with_priors(z[:, None], prior))[:, 0]
         null = null_statistics(statistics, inner, lambda count: draw(space, count, rng), draws, rng)
         return _test(statistics, observed, null), null
 
@@ -157,6 +159,6 @@ def alarms(store, fit, rankings, noise, draws, seed):
     key = digest(
         "alarms, priors too", draws, seed, octaves, fit.z, fit.jacobian, prior_z(fit), *arrays, fit.model.problem.hashes
     )
-    stored = store.load_or_compute(key, compute)
-    tests = [None if t is None else Test(**t) for t in stored["tests"]]
-    return Alarms(*tests, stored["p"], not noise.octaves, np.array(stored["reference"]), views[-1][2])
+    stored_alarms = store.load_or_compute(key, compute)
+    tests = [None if t is None else Test(**t) for t in stored_alarms["tests"]]
+    return Alarms(*tests, stored_alarms["p"], not noise.octaves, np.array(stored_alarms["reference"]), views[-1][2])

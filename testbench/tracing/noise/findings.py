@@ -30,8 +30,8 @@ class Finding(NamedTuple):
 
     @property
     def text(self):
-        ratio_text = f"noise of {self.channel} is {self.ratio:.3g} times the model's {self.span}"
-        return f"{ratio_text} ({self.low:.3g} .. {self.high:.3g}, {self.source})"
+        finding_text = f"noise of {self.channel} is {self.ratio:.3g} times the model's {self.span}"
+        return f"{finding_text} ({self.low:.3g} .. {self.high:.3g}, {self.source})"
 
 
 class Band(NamedTuple):
@@ -56,14 +56,16 @@ def _merge_bands(a, b):
 
 def band_findings(channel, bands, spans, tests, alpha):
     """`Finding`s of the `Band`s of a channel; spans(first, last) is what a span is called."""
-    merged = []
+    merged_bands = []
     for band in bands:
         if _p(band) * tests >= alpha or abs(band.ratio) < np.log(LEAST):
             continue
-        adjacent = merged and merged[-1].last + 1 == band.first and merged[-1].ratio * band.ratio > 0
-        merged[-1:] = [_merge_bands(merged[-1], band)] if adjacent else [*merged[-1:], band]
+        is_adjacent = (
+            merged_bands and merged_bands[-1].last + 1 == band.first and merged_bands[-1].ratio * band.ratio > 0
+        )
+        merged_bands[-1:] = [_merge_bands(merged_bands[-1], band)] if is_adjacent else [*merged_bands[-1:], band]
     out = []
-    for band in merged:
+    for band in merged_bands:
         half = t.ppf((1 + LEVEL) / 2, band.dof) * band.sd
         ratios = np.exp([band.ratio, band.ratio - half, band.ratio + half])
         out.append(Finding(channel, "frames", spans(band.first, band.last), *map(float, ratios), _p(band)))
@@ -86,9 +88,9 @@ def frame_findings(measured, model, channels, edges_hz, alpha=0.01):
         return []
     tests, out = len(channels) * (len(edges_hz) - 1), []
     pairs = [[np.log(np.asarray(of[g])) / 2 for of in (measured, model)] for g in groups]
-    deviations = np.concatenate([v - v.mean(axis=0) for pair in pairs for v in pair])
-    dof = len(deviations) - 2 * len(groups)
-    scatter = (deviations**2).sum(axis=0) / dof
+    dwell_deviations = np.concatenate([v - v.mean(axis=0) for pair in pairs for v in pair])
+    dof = len(dwell_deviations) - 2 * len(groups)
+    scatter = (dwell_deviations**2).sum(axis=0) / dof
     each = np.array([a.mean(axis=0) - b.mean(axis=0) for a, b in pairs])
     # of single conditions, each with the noise of its own dwells and draws
     share = np.mean([1 / len(a) + 1 / len(b) for a, b in pairs]) / len(pairs)

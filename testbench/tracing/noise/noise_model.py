@@ -94,7 +94,7 @@ class Noise(NamedTuple):
 
 def _squares(spaces):
     """{(observable, octave): (sum of squares, number)} of all contrasts."""
-    sums = {}
+    sums_by_octave = {}
     for space in spaces:
         repeated = {g for g, c in enumerate(space.contrasts) if len(c)}
         for stack in stacks(space, repeated):
@@ -104,18 +104,18 @@ def _squares(spaces):
                 spectrum = dct(space.contrasts[g][:, stack.rows[i] - start], axis=1, norm="ortho") ** 2
                 for octave in range(level.max() + 1):
                     chosen = spectrum[:, level == octave]
-                    s, n = sums.get((name, octave), (0.0, 0))
-                    sums[name, octave] = (s + float(chosen.sum()), n + chosen.size)
-    return sums
+                    s, n = sums_by_octave.get((name, octave), (0.0, 0))
+                    sums_by_octave[name, octave] = (s + float(chosen.sum()), n + chosen.size)
+    return sums_by_octave
 
 
-def _merge_octaves(sums):
+def _merge_octaves(sums_by_octave):
     """(observable, first, last, sum, number) with at least LEAST squares each where there are as many."""
     out = []
-    for name in sorted({n for n, _ in sums}):
+    for name in sorted({n for n, _ in sums_by_octave}):
         pending = None
-        for octave in sorted(o for n, o in sums if n == name):
-            s, n = sums[name, octave]
+        for octave in sorted(o for n, o in sums_by_octave if n == name):
+            s, n = sums_by_octave[name, octave]
             pending = (
                 (octave, octave, s, n) if pending is None else (pending[0], octave, pending[2] + s, pending[3] + n)
             )
@@ -150,7 +150,7 @@ def _trust(joined):
     return float(np.clip(2.0 / (max(scatter, 0.0) + error), LEAST_TRUST, MOST_TRUST))
 
 
-def study_noise(spaces, rng, alpha=0.01, draws=400, judge=True):
+def estimate_octave_noise(spaces, rng, alpha=0.01, draws=400, judge=True):
     """`Noise` of spaces; `judge` False if the declared noise was itself made from these repeats: no test then."""
     joined = _merge_octaves(_squares(spaces))
     dof = int(sum(n for *_, n in joined))

@@ -58,7 +58,7 @@ class Power:
 
     def _project_draws(self, noise):
         """TRIALS draws as a fit leaves them, priors drawn too."""
-        return self.projection.project_all(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
+        return self.projection.project_with_priors(noise, self.rng.normal(size=(self.projection.priors, TRIALS)))
 
     def smallest(self):
         """{law: {d, value, unit}}: effects that this record would have shown with 90 %."""
@@ -78,12 +78,12 @@ class Power:
                 out[name] = {"d": float(value * base.length[i]), "value": float(value), "unit": law.unit}
         return out
 
-    def check_detection(self, smallest):
+    def detection_rate(self, smallest):
         """Share of pseudo-experiments at d_90 that ring, for the law seen best: {law, trials, rang, ci}."""
-        detectable = [(row["d"], name) for name, row in smallest.items() if row["d"] is not None]
-        if not detectable:
+        detectable_laws = [(row["d"], name) for name, row in smallest.items() if row["d"] is not None]
+        if not detectable_laws:
             return None
-        _, name = min(detectable)
+        _, name = min(detectable_laws)
         (ranking,) = [r for r in self.alarm_rankings.values() if name in r.names]
         signal = ranking.signatures[:, ranking.index(name)] * smallest[name]["value"]
         side = -1.0 if self.laws[name].sign < 0 else 1.0
@@ -108,10 +108,12 @@ class Power:
         """Smallest p of one simulated record without any effect, octaves estimated from its own contrasts."""
         space, fit = copy.copy(self.space), self.base
         space.contrasts = [self.rng.normal(size=c.shape) for c in space.contrasts]
-        simulated_noise = noises.study_noise([space], self.rng, judge=False)
+        simulated_noise = noises.estimate_octave_noise([space], self.rng, judge=False)
         projection, _, statistics, _ = refined_view(fit, self.rankings, simulated_noise)
         prior = self.rng.normal(size=(projection.priors, 1))
-        residual = projection.project_all(simulated_noise.whitener(space)(self.rng.normal(size=(space.size, 1))), prior)
+        residual = projection.project_with_priors(
+            simulated_noise.whitener(space)(self.rng.normal(size=(space.size, 1))), prior
+        )
         return float(smallest_p(self.alarms.reference, statistics.evaluate(residual))[0])
 
 

@@ -32,10 +32,10 @@ class Statistics:
         self.chosen = [g for g in range(len(space.groups)) if groups is None or g in groups]
         self.scores = {}
         for label, ranking in rankings.items():
-            visible = ranking.length > 0
-            if visible.any():
-                sign = np.array([laws[name].sign for name in ranking.names])[visible]
-                self.scores[label] = ((ranking.signatures[:, visible] / ranking.length[visible]).T, sign)
+            is_visible = ranking.length > 0
+            if is_visible.any():
+                sign = np.array([laws[name].sign for name in ranking.names])[is_visible]
+                self.scores[label] = ((ranking.signatures[:, is_visible] / ranking.length[is_visible]).T, sign)
         self.observables = sorted({b.observable for b in space.blocks})
         self.members = [
             np.concatenate([np.arange(b.rows.start, b.rows.stop) for b in blocks])
@@ -56,9 +56,9 @@ class Statistics:
         names = sorted({name for g in self.chosen for name in self.space.groups[g].condition})
         out = []
         for name in names:
-            values = [self.space.groups[g].condition.get(name) for g in self.chosen]
-            if all(isinstance(v, (int, float)) for v in values):
-                for x in (np.array(values, float), np.abs(np.array(values, float))):
+            condition_values = [self.space.groups[g].condition.get(name) for g in self.chosen]
+            if all(isinstance(v, (int, float)) for v in condition_values):
+                for x in (np.array(condition_values, float), np.abs(np.array(condition_values, float))):
                     x = x - x.mean()
                     size = np.linalg.norm(x)
                     if size > 1e-9 * (1 + np.abs(x).max(initial=0.0)):
@@ -67,7 +67,7 @@ class Statistics:
 
     def evaluate(self, e):
         """(statistics, draws) of projected residuals (rows and priors, draws)."""
-        e, pulls = e[: self.space.size], e[self.space.size :]
+        e, prior_residuals = e[: self.space.size], e[self.space.size :]
         square = e * e
         out = [square.sum(axis=0)]
         for u, sign in self.scores.values():
@@ -82,10 +82,10 @@ class Statistics:
             out.append(self._condition(e))
         for name, least, measure in (("cusum", SHORT, _cusum), ("line", LINES, _line)):
             if name in self.names:
-                maxima = [measure(e[stack.rows]) for stack in self.parts if stack.rows.shape[1] >= least]
-                out.append(np.max(maxima, axis=0))
+                stack_maxima = [measure(e[stack.rows]) for stack in self.parts if stack.rows.shape[1] >= least]
+                out.append(np.max(stack_maxima, axis=0))
         if "prior" in self.names:
-            out.append(np.max(np.abs(pulls[self.pulled]) / self.spread, axis=0))
+            out.append(np.max(np.abs(prior_residuals[self.pulled]) / self.spread, axis=0))
         return np.array(out)
 
     def _whiteness(self, e, square):
@@ -139,16 +139,16 @@ def tail_p(values, null):
     if high > low:
         most, least = (1 - t for t in TAIL)
         rate = np.log(most / least) / (high - low)
-        tail = least * np.exp(-rate * np.clip(values - high, 0.0, 600.0 / rate))
-        p = np.where(values > high, tail, np.maximum(p, least))
+        tail_probability = least * np.exp(-rate * np.clip(values - high, 0.0, 600.0 / rate))
+        p = np.where(values > high, tail_probability, np.maximum(p, least))
     return np.maximum(p, 1e-300)
 
 
 def ranks(observed, null):
     """(p of each statistic, global p): `observed` (statistics,), `null` (statistics, draws) under the same law."""
-    values = np.concatenate([observed[:, None], null], axis=1)
-    p = np.empty(values.shape)
-    for i, row in enumerate(values):
+    all_statistics = np.concatenate([observed[:, None], null], axis=1)
+    p = np.empty(all_statistics.shape)
+    for i, row in enumerate(all_statistics):
         p[i] = tail_p(row, row)
     smallest = p.min(axis=0)
     return p[:, 0], float(np.mean(smallest <= smallest[0]))

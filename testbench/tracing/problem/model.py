@@ -66,9 +66,9 @@ class Model:
             out.append(n.step or natural * (1.0 if linear else DEFAULT_STEP))
             fixed.append(bool(n.step) or linear)
         for law in self.laws:
-            step, prescribed = law_step(law, self.problem)
+            step, is_prescribed = law_step(law, self.problem)
             out.append(step)
-            fixed.append(prescribed)
+            fixed.append(is_prescribed)
         return np.array(out), np.array(fixed, bool)
 
     def shift_point(self, point, column, step):
@@ -110,9 +110,9 @@ def tangents(space, predictor, prediction, point_at, steps, fixed):
     for attempt in range(4):
         if not todo:
             break
-        predictions = predictor([point_at(j, steps[j]) for j in todo], space.which)
+        shifted_predictions = predictor([point_at(j, steps[j]) for j in todo], space.which)
         again = []
-        for j, other in zip(todo, predictions):
+        for j, other in zip(todo, shifted_predictions):
             if isinstance(other, Failed):
                 if attempt < 3:
                     steps[j] *= -0.1 if not fixed[j] else 0.1

@@ -9,7 +9,7 @@ from testbench.errors import ConfigError
 from testbench.tracing.problem.problem import PredictionFailed
 from testbench.tracing.problem.trace_checkpoint import Store, digest
 
-CACHE_POINTS = 256  # points in memory
+MOST_CACHED_POINTS = 256  # points in memory
 
 
 class Failed(NamedTuple):
@@ -39,23 +39,25 @@ class Predictor:
         self.asked += len(keys)
         for key in keys:
             if key not in self._memory:
-                stored = self.store.load_arrays(key)
-                if stored is not None:
-                    self._remember(key, Failed(stored) if isinstance(stored, str) else stored)
-        results = {key: self._memory[key] for key in keys if key in self._memory}
-        missing = {key: point for key, point in zip(keys, points) if key not in results}
+                stored_prediction = self.store.load_arrays(key)
+                if stored_prediction is not None:
+                    self._cache_prediction(
+                        key, Failed(stored_prediction) if isinstance(stored_prediction, str) else stored_prediction
+                    )
+        prediction_by_key = {key: self._memory[key] for key in keys if key in self._memory}
+        missing = {key: point for key, point in zip(keys, points) if key not in prediction_by_key}
         if missing:
             if self.progress:
                 self.progress(self.text, 0, len(missing))
             for key, result in zip(missing, self._compute(list(missing.values()), which)):
                 self.store.save_arrays(key, result.reason if isinstance(result, Failed) else result)
-                self._remember(key, result)
-                results[key] = result
-        return [results[key] for key in keys]
+                self._cache_prediction(key, result)
+                prediction_by_key[key] = result
+        return [prediction_by_key[key] for key in keys]
 
-    def _remember(self, key, result):
+    def _cache_prediction(self, key, result):
         self._memory[key] = result
-        while len(self._memory) > CACHE_POINTS:
+        while len(self._memory) > MOST_CACHED_POINTS:
             self._memory.popitem(last=False)
 
     def _compute(self, points, which):
@@ -65,15 +67,15 @@ class Predictor:
             if len(points) == 1:
                 return [Failed(str(problem) or "prediction failed")]
             return [self._compute([point], which)[0] for point in points]
-        return [self._check_arrays(arrays, which) for arrays in predictions]
+        return [self._check_prediction(arrays, which) for arrays in predictions]
 
-    def _check_arrays(self, arrays, which):
+    def _check_prediction(self, arrays, which):
         arrays = [np.asarray(a, float) for a in arrays]
         for a, k in zip(arrays, which, strict=True):
-            shape = np.shape(self.problem.segment_features(k))
-            if a.shape != shape:
+            feature_shape = np.shape(self.problem.observed_features(k))
+            if a.shape != feature_shape:
                 name = self.problem.segments[k].name
-                raise ConfigError(f"segment {name}: predicted {a.shape} features, measured {shape}")
+                raise ConfigError(f"segment {name}: predicted {a.shape} features, measured {feature_shape}")
             if not np.all(np.isfinite(a)):
                 return Failed("not finite")
         return arrays

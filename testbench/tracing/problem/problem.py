@@ -121,11 +121,11 @@ class Problem:
     @classmethod
     def _check_member(cls, name, error):
         if not name.startswith("_") and name not in cls._members:
-            matches = difflib.get_close_matches(name, cls._members, 1)
-            hint = f"; did you mean {matches[0]}?" if matches else ", nor named in adds"
+            close_matches = difflib.get_close_matches(name, cls._members, 1)
+            hint = f"; did you mean {close_matches[0]}?" if close_matches else ", nor named in adds"
             raise error(f"{cls.__name__}.{name} is no member of a problem{hint}")
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         """Features of segment k, (n,)."""
         raise NotImplementedError
 
@@ -212,7 +212,7 @@ def check(problem):
     for k, s in enumerate(problem.segments):
         if s.role not in ("fit", "validate"):
             raise ConfigError(f"segment {s.name}: role {s.role}: fit or validate")
-        y = np.asarray(problem.segment_features(k))
+        y = np.asarray(problem.observed_features(k))
         if y.ndim != 1 or not len(y) or not np.all(np.isfinite(y)):
             raise ConfigError(f"segment {s.name}: features must be finite and one-dimensional, shape {y.shape}")
         if group_shapes.setdefault(s.group, (len(y), s.role)) != (len(y), s.role):

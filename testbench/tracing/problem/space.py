@@ -38,7 +38,7 @@ def _group_blocks(problem, k, rows, group, start):
     observable_rows = problem.whitened_rows(k)
     if observable_rows is not None:
         return [Block(group, o, slice(start + s.start, start + s.stop)) for o, s in observable_rows.items()]
-    features = len(problem.segment_features(k))
+    features = len(problem.observed_features(k))
     covered = sum(len(range(*o.rows.indices(features))) for o in segment.observables)
     if rows == features == covered and all(o.rows.step in (None, 1) for o in segment.observables):
         spans = [(o.name, *o.rows.indices(features)[:2]) for o in segment.observables]
@@ -72,7 +72,7 @@ class Space:
                 members.setdefault(s.group, []).append(k)
         self.groups, self.blocks, self.contrasts, self._means, start = [], [], [], [], 0
         for name, ks in members.items():
-            y = np.stack([np.asarray(problem.segment_features(k), float) for k in ks])
+            y = np.stack([np.asarray(problem.observed_features(k), float) for k in ks])
             mean = self.whiten_rows(ks[0], y.mean(axis=0))
             rows = slice(start, start + len(mean))
             self.blocks += _group_blocks(problem, ks[0], len(mean), len(self.groups), start)

@@ -63,7 +63,7 @@ def test_decay(u, bound):
 
 @hot
 def rounded(volts, lsb_v):
-    return averaged_codes.rounded_fundamental(volts, lsb_v)
+    return averaged_codes.rounded_sine_fundamental(volts, lsb_v)
 
 
 @pytest.mark.parametrize("u", [0.03, 0.08, 0.2])
@@ -168,7 +168,7 @@ def test_cv_and_force_samples_are_the_held_ones(params, frame_ticks):
     on, room, tick = params.plant.noise, zeros(averaged_noise.Drawn), frame_ticks * 1234
     grown = [_held_growths(frame_ticks, hz) for hz in (11_002.0, 10_863.0)]
     values = [np.exp(2j * np.pi * hz * 1e-6) for hz in (11_002.0, 10_863.0)]
-    force = averaged._noise_growth([3.0, 1j, 2.0, 5.0 - 1j], values, frame_ticks, noise.HOLD)
+    force = averaged._noise_sample_growth([3.0, 1j, 2.0, 5.0 - 1j], values, frame_ticks, noise.HOLD)
     table = averaged_noise.table(force)
     frames, samples = averaged_noise.batch(table, frame_ticks)
     _draw(on, table, room, tick, frames, frame_ticks, samples)
@@ -344,8 +344,8 @@ def test_columns_of_the_basis_are_eigenvectors_of_the_tick_of_every_board(board)
 
 @hot
 def _there_and_back(u, p, now, m, cos, sin, z, out):
-    averaged_modes.set_tables(u.knots, p.temp_lo_degc, p.temp_step_k, now, 0.5, 1e-4, 25.3)
-    averaged_modes.project_modes(now, m, cos, sin, z[0], z[1], z[2], z[3])
+    averaged_modes.compute_frame_tables(u.knots, p.temp_lo_degc, p.temp_step_k, now, 0.5, 1e-4, 25.3)
+    averaged_modes.project_slow_amplitudes(now, m, cos, sin, z[0], z[1], z[2], z[3])
     averaged_modes.motion(now, m, cos, sin, out, 0)
 
 

@@ -81,7 +81,7 @@ def play(p, caps, ref, response, value, slope, noise, first, taus, out):
         n = noise[k]
         p1, p2, p3 = response[k, 0], response[k, 1], response[k, 2]
         if count == 0:
-            sid.follow_tick(p, caps, 0, ref, n, p1, p2, p3)
+            sid.step_edgeless_tick(p, caps, 0, ref, n, p1, p2, p3)
         elif count == 1:
             ref = 1 - ref
             tau = taus[first[k]]
@@ -305,7 +305,7 @@ def test_four_demodulators_are_independent():
     caps = sid.reset()
     caps[:] = 0.5
     before = caps.copy()
-    sid.follow_tick(PARAMS, caps, 1, 1, 0.0, 1e-4, 1e-8, 1e-12)
+    sid.step_edgeless_tick(PARAMS, caps, 1, 1, 0.0, 1e-4, 1e-8, 1e-12)
     sid.edge(PARAMS, caps, 3, 0, 0.4e-6, 0.0, 1e-4, 1e-8, 1e-12, 0.2, 0.0, 0.2, 0.0)
     assert (caps[[0, 2]] == before[[0, 2]]).all()
     assert (caps[1, 3:] == before[1, 3:]).all()

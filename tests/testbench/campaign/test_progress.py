@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbench.campaign.campaign_progress import LINE_EVERY_S, Progress, Running, clock
-from testbench.campaign.pool import InProcess
+from testbench.campaign.pool import InProcessExecutor
 from testbench.campaign.work import Outcome
 
 
@@ -29,7 +29,7 @@ def test_clock():
 def told(terminal, points=10, quiet=False):
     said, now = [], [100.0]
     progress = Progress(quiet, terminal, said.append, lambda: now[0])
-    progress.set_totals(points + 5, 5, InProcess())
+    progress.set_totals(points + 5, 5, InProcessExecutor())
     with progress:
         for k in range(points):
             now[0] += LINE_EVERY_S / 4
@@ -77,5 +77,5 @@ def test_a_terminal_gets_a_live_picture(capsys):
 
 def test_nothing_is_known_before_the_first_point():
     progress = Progress(False, False, lambda text: None, lambda: 0.0)
-    progress.set_totals(3, 0, InProcess())
+    progress.set_totals(3, 0, InProcessExecutor())
     assert "-:--:-- left" in progress.line()

@@ -153,7 +153,7 @@ def test_other_sources_are_not_compared(tiny, monkeypatch):
 
     monkeypatch.setattr(engines, "source_hash", lambda engine: "f" * 64)
     with pytest.raises(FileError, match="only the same sources"):
-        rerun.rerun(tiny / "store", Store.open_folder(tiny / "store").addresses()[0], engine_texts=OWN)
+        rerun.rerun(tiny / "store", Store.open_folder(tiny / "store").addresses()[0], engine_options=OWN)
 
 
 def test_show_has_mean_and_spread(tiny):

@@ -21,7 +21,7 @@ def words_of(register, raw):
 def test_the_port_writes_the_value_at_the_first_clock_of_a_tick(register):
     for raw in (register.fmt.lo, register.fmt.hi, 1):
         bits = spi_host.text(0, 8 * register.address, words_of(register, raw))
-        assert "".join(map(str, host_frames.write_bits(register, raw))) == bits
+        assert "".join(map(str, host_frames.sdi_bits(register, raw))) == bits
         found = host_frames.encode_write(DEFAULT, register, raw)
         assert (found.address, found.data) == (register.address, raw % 2**register.fmt.width)
         begin = int(found.pins[:, 0].argmin())

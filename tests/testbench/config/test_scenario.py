@@ -103,7 +103,7 @@ def test_events_are_sorted_by_tick_and_ends_come_before_beginnings():
 
 @given(st.floats(0, 0.4), st.floats(1e-9, 1e6))
 def test_a_fault_lasts_at_least_a_tick_and_ends_within_the_run(t_s, duration_s):
-    events = scenario.sorted_events(made(seconds=0.5, faults=[[t_s, "plant_nan", "x", 0, duration_s]]), 500_000, 1e6)
+    events = scenario.build_events(made(seconds=0.5, faults=[[t_s, "plant_nan", "x", 0, duration_s]]), 500_000, 1e6)
     on = events[0].tick
     assert on == round(t_s * 1e6)
     for off in events[1:]:

@@ -55,7 +55,7 @@ def locked_s(config):
 
 
 def check_predictions(result):
-    seen, a = confirm_design.confirm_result(result), result.advice
+    seen, a = confirm_design.simulate_design(result), result.advice
     assert seen.lock_s == pytest.approx(result.nominal.lock_s, rel=0.02)
     assert seen.bandwidth_hz == pytest.approx(a.bandwidth_hz, rel=0.03)
     assert seen.peak_db == pytest.approx(max(a.peak_db, 0.0), abs=0.3)
@@ -136,7 +136,7 @@ def test_the_largest_bandwidth_is_reached_and_no_more():
 @pytest.mark.slow
 def test_scale_decides_the_amplitude():
     result = designed("paper", scale_lsb_per_deg_s=8651.0)
-    assert confirm_design.confirm_result(result).lsb_per_dps == pytest.approx(8651.0, rel=1e-3)
+    assert confirm_design.simulate_design(result).lsb_per_dps == pytest.approx(8651.0, rel=1e-3)
     other = designed("paper", full_scale_deg_s=800.0)
     assert design_page.predicted_values(other)["full_scale_deg_s"] == pytest.approx(800.0, rel=1e-4)
 

@@ -26,7 +26,7 @@ def lateness_deg(f_hz, seconds, start=0.0):
 @example(11750.0, 0.0)
 def test_no_mean_of_edges_is_further_off(f_hz, start):
     # a ratio of more places than the plan looks at wanders by half of one such place at most
-    beyond = 180 * f_hz / DEFAULT.tick_hz / (frequency_plan.MOST_PHASES + 1)
+    beyond = 180 * f_hz / DEFAULT.tick_hz / (frequency_plan.MOST_EDGE_PHASES + 1)
     assert abs(lateness_deg(f_hz, 0.25, start)) <= frequency_plan.slide_deg(f_hz, 0.25) + beyond
 
 
@@ -112,7 +112,7 @@ def test_no_mean_that_a_loop_makes_is_further_off(ratio, beat_hz, crossover_hz, 
     exact_hz, p = ratio
     board = (exact_hz + beat_hz / (2 * p), 1e6, crossover_hz, crossover_hz / 0.06, half_width_hz)
     late = dwelling(*board, 3.0)[int(2 * board[0]) :]
-    beyond = 180 * board[0] / DEFAULT.tick_hz / (frequency_plan.MOST_PHASES + 1)
+    beyond = 180 * board[0] / DEFAULT.tick_hz / (frequency_plan.MOST_EDGE_PHASES + 1)
     assert worst_mean(late, np.ones(int(0.3 * 2 * board[0]))) <= bounds(*board, 0.3)[1] + beyond
 
 

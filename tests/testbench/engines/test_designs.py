@@ -488,7 +488,7 @@ def test_a_generic_adc_with_the_numbers_of_the_part_is_read_like_it():
 
 def test_a_generic_dac_with_the_numbers_of_a_part_is_that_part():
     """V_q's is its part in all parameters; the others differ by coding, control word and what they put out first."""
-    named, generic = chips.design_chips(config.Config().design), chips.design_chips(with_numbers_of(*SAME).design)
+    named, generic = chips.dac_chips(config.Config().design), chips.dac_chips(with_numbers_of(*SAME).design)
     assert generic.quadrature[1:4] == named.quadrature[1:4]
     for role, only in (("sense", ("control",)), ("drive", ("flip",))):
         a, b = getattr(named, role).master, getattr(generic, role).master

@@ -114,7 +114,7 @@ class Judge:
         every = expanded(self.block, self.case, rows)
         if self.probed is None:
             results = results_of(self.block, self.case, every)
-            return self.goal in coverage.reached_toggle_goals(coverage.goal_name(self.block), results)
+            return self.goal in coverage.reached_toggle_goals(coverage.goal_ports(self.block), results)
         self.probed.clear()
         probes.follow(self.block, self.case, self.probed, every.tolist())
         if self.goal in self.probed.reached_goals():

@@ -74,7 +74,7 @@ end architecture;
 def write(folder, design, case, rows, change=None):
     """Files of a design for Verilog and VHDL that plays packed `rows`; `change` is (row, port, xor) or None."""
     folder.mkdir(parents=True, exist_ok=True)
-    found, given = benches.result_pairs(design), blocks.case_parameters(design, case)
+    found, given = benches.result_port_pairs(design), blocks.case_parameters(design, case)
     width = sum(p.width for _, p in found)
     rows = list(rows)
     if change is not None:

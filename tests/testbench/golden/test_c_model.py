@@ -46,7 +46,7 @@ def model(bundles, tmp_path_factory):
         shutil.copytree(bundles(stem), folder / "golden" / stem)
     r = recording.load("reset")
     window = recording.Window(3250, 200, "second frame")
-    design_bundle.write(design_bundle.first_frames(r, FRAMES, (window,)), folder / "golden" / "top" / "reset")
+    design_bundle.write(design_bundle.shorten_recording(r, FRAMES, (window,)), folder / "golden" / "top" / "reset")
     return folder
 
 
@@ -313,7 +313,7 @@ def test_a_fault_of_the_whole_design_stops_at_its_clock(model, wrong_rtl, tmp_pa
     r, frames = recording.load("story"), FAULT_FRAME + 1
     clocks = r.params.design.frame_clocks
     window = recording.Window(FAULT_FRAME * clocks, clocks, "every clock")
-    design_bundle.write(design_bundle.first_frames(r, frames, (window,)), tmp_path / "top" / "story")
+    design_bundle.write(design_bundle.shorten_recording(r, frames, (window,)), tmp_path / "top" / "story")
     done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={RTL}")
     assert f"top: {frames * clocks} clocks equal to the model [dpi]" in done.stdout
     done = checked(model, "dpi", f"BUNDLE={tmp_path / 'top' / 'story'}", f"RTL={wrong_rtl}")

@@ -103,7 +103,7 @@ def export_default(folder):
 def test_a_case_of_a_board_has_its_parameters(low_cost):
     """Of the modulators: those that the firmware is built with, and those of the block at the board's design."""
     found = design_entry.config_blocks(LOW_COST)["modulator"]
-    _, params = design_entry.read_board(LOW_COST)
+    _, params = design_entry.read_board_config(LOW_COST)
     assert found.cases["drive_modulator"] == params.drive_modulator
     assert found.cases["sense_modulator"] == params.sense_modulator
     assert found.cases["dac16"].shift == blocks.BLOCKS["modulator"].cases["dac16"].shift - 2, (
@@ -146,12 +146,12 @@ REACHED = ("STANDBY to OPEN", "SEARCH to RETUNE", "SEARCH to KICK", "reset while
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The first frames of the case `reset` of the low-cost board."""
-    _, firmware = design_entry.read_board(LOW_COST)
-    r = design_bundle.first_frames(
+    _, firmware = design_entry.read_board_config(LOW_COST)
+    r = design_bundle.shorten_recording(
         make_recordings.reset_case(recording.load("story"), firmware), 4, (recording.Window(5000, 40, ""),)
     )
     folder = tmp_path_factory.mktemp("whole") / "reset"
-    design_bundle.write(r, folder, include_design=True)
+    design_bundle.write(r, folder, names_design=True)
     return folder
 
 
@@ -178,7 +178,7 @@ def test_the_reference_rtl_passes_the_whole_design_of_a_board(whole, tmp_path):
 
 @pytest.mark.slow
 def test_the_case_reset_of_a_board_goes_through_all_states(tmp_path):
-    settings_, firmware = design_entry.read_board(LOW_COST)
+    settings_, firmware = design_entry.read_board_config(LOW_COST)
     manifest = design_bundle.export_board(firmware, settings_, "reset", tmp_path / "top" / "reset")
     shown = " ".join(window["shows"] for window in manifest["windows"])
     assert all(text in shown for text in REACHED), shown

@@ -43,7 +43,7 @@ def flipped(golden, row, names, level="registers", style="sync", clocks=None, un
     for name in names:
         got[name].values[row - found.first] ^= 1
         got[name].valid[row - found.first] = name not in unknown
-    return compare.compare_bundle(found.golden, got, scope=found)
+    return compare.compare_bundle(found.golden, got, comparison=found)
 
 
 def test_a_difference_leaves_waveform_bundle_and_diagnosis(bundles, tmp_path):

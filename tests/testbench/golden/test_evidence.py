@@ -77,14 +77,14 @@ def test_other_random_rows_do_not_meet_what_is_proved_out_of_reach(stem, case, s
 
 
 def test_the_counters_that_are_left_out_are_the_only_ones(met):
-    for stem in unreachable.WAIVED_REGISTERS:
+    for stem in unreachable.WAIVED_REGISTERS_BY_BLOCK:
         block = blocks.BLOCKS[stem]
         listed = {g for case in block.cases for g in coverage.goals(block, case) if unreachable.waiver_reason(block, g)}
         assert all(goal[0] in ("toggle", "clamp") for goal in listed)
         clamped = {goal[1:] for goal in listed if goal[0] == "clamp"}
         assert all("s.timer + 1" in place and outcome[:2] == "hi" for place, outcome in clamped)
         assert bool(clamped) == (stem == "sequencer")
-    assert set(unreachable.WAIVED_REGISTERS) == {"fault_monitor", "sequencer"}
+    assert set(unreachable.WAIVED_REGISTERS_BY_BLOCK) == {"fault_monitor", "sequencer"}
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_toggles_count_what_a_plain_loop_counts():
     block = blocks.BLOCKS["modulator"]
     rows, _ = stimulus.make(block, "dac16")
     table = results(block, "dac16", rows[:300])
-    for k, found in enumerate(coverage.toggles(coverage.goal_name(block), table)):
+    for k, found in enumerate(coverage.toggles(coverage.goal_ports(block), table)):
         rose = fell = 0
         values = [int(v) & ((1 << found.width) - 1) for v in table[:, k]]
         for before, after in itertools.pairwise(values):

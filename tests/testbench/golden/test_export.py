@@ -62,7 +62,7 @@ def test_bundle_is_complete_and_reads_back(bundles, stem):
         ),
         *(f"tb_{stem}.v", f"tb_{stem}.vhd", f"test_{stem}.py", "run_vunit.py", "golden.vcd", "golden.gtkw"),
         *(f"ports/{p.name}.hex" for p in block.columns),
-        *(f"ports/{name}.hex" for name, _ in benches.result_pairs(block)),
+        *(f"ports/{name}.hex" for name, _ in benches.result_port_pairs(block)),
     } <= listed
     rows = (folder / "vec.csv").read_text().splitlines()
     assert len(rows) == found.manifest["n"] + 1

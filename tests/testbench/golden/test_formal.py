@@ -49,7 +49,7 @@ def combinational(name, level):
     """An output of the AXI slave that is 0 while an input is: a path from the host to the host within a clock."""
     block = blocks.BLOCKS["axi_slave"]
     ports = {"clk": ("input", 1)} | {port.name: ("input", port.width) for port in block.columns}
-    ports |= {port: ("output", found.width) for port, found in layout.result_pairs(block)}
+    ports |= {port: ("output", found.width) for port, found in layout.result_port_pairs(block)}
     declared = ", ".join(f"{way} wire [{width - 1}:0] {port}" for port, (way, width) in ports.items())
     joined = ", ".join(f".{port}({'own' if port == f'r_{name}' else port})" for port in ports)
     outer = f"wire own; assign r_{name} = own && {level}; inner held({joined});"

@@ -143,7 +143,7 @@ def test_a_case_without_a_known_default_is_refused(vhdl):
 
 @BOTH
 def test_the_refusal_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(from_vhdl, "SELECT", from_vhdl.re.compile("nothing(x)(y)(z)"))
+    monkeypatch.setattr(from_vhdl, "SELECT_PATTERN", from_vhdl.re.compile("nothing(x)(y)(z)"))
     with pytest.raises(
         FileError, match=r"^test: chooser: the Verilog of GHDL's synthesis has a case without default: no"
     ):

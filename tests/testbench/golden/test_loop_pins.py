@@ -30,7 +30,7 @@ VERILATOR = pytest.mark.skipif(
     any(shutil.which(name) is None for name in library.TOOLS), reason="no verilator or compiler: no loop around RTL"
 )
 PARAMS = build.firmware(Config())
-FACE = library.pin_face("mine", PARAMS, chips.parts(chips.design_chips(Config().design)))
+FACE = library.pin_face("mine", PARAMS, chips.parts(chips.dac_chips(Config().design)))
 DECLARED = {port: ("IN", width) for port, width in FACE.inputs.values()} | {
     port: ("OUT", fmt.width) for _, port, fmt in FACE.observed_ports
 }
@@ -307,7 +307,7 @@ def vhdl_player(folder, words, columns):
 @pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT run in the loop")
 def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
     """It plays words back through the library that the loop calls."""
-    columns, rng = design_bundle.make_block({}).pins, np.random.default_rng(8)
+    columns, rng = design_bundle.build_top_block({}).pins, np.random.default_rng(8)
     words = [int(word) for word in rng.integers(0, 1 << sum(p.width for p in columns), 300)]
     rtl = vhdl_player(tmp_path / "rtl", words, columns)
     listed = library.user_sources(rtl, "player", rtl / "player.f", tmp_path / "built")
@@ -325,7 +325,7 @@ def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
 
 @pytest.mark.skipif(shutil.which("ghdl") is None, reason="ghdl is not installed: VHDL was NOT read")
 def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
-    columns = design_bundle.make_block({}).pins
+    columns = design_bundle.build_top_block({}).pins
     rtl = vhdl_player(tmp_path / "rtl", [1, 2], columns)
     with pytest.raises(FileError, match=r"Player: GHDL writes names in lower case: call the top player"):
         library.user_sources(rtl, "Player", rtl / "player.f", tmp_path)
@@ -440,13 +440,13 @@ def test_data_counts_where_a_dac_reads_it():
         in text
     )
     design = object.__new__(library.Design)
-    design.signal_indices, design._data = [at for at, _, _ in FACE.observed_ports], FACE.read
+    design.observed_indices, design._data = [at for at, _, _ in FACE.observed_ports], FACE.read
     for selected, running in ((0, 0), (0, 1), (1, 0), (1, 1)):
         row = np.zeros(len(library.NAMES), np.int64)
         row[library.NAMES.index("sense_sync_n")], row[library.NAMES.index("sense_sclk_en")] = 1 - selected, running
         other = row.copy()
         other[place] = 1
-        assert design.signal_differences(row, other) == ([place] if selected and running else [])
+        assert design.differing_indices(row, other) == ([place] if selected and running else [])
 
 
 def last_values(path):

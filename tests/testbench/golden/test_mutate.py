@@ -244,7 +244,7 @@ def test_a_step_that_takes_too_long_is_given_up_and_says_so(tiny, tmp_path, monk
 
 def test_the_solvers_are_bounded_by_work():
     """No option of a step is a time: -T of ABC would make a verdict depend on the load of the machine."""
-    for step in (mutant_judge.IPROVE, mutant_judge.SHORT_BMC, mutant_judge.PROOF, mutant_judge.LONG_BMC):
+    for step in (mutant_judge.IPROVE_STEP, mutant_judge.SHORT_BMC_STEP, mutant_judge.PROOF, mutant_judge.LONG_BMC_STEP):
         assert "-T" not in step
         assert re.search(r"-[CM] \d+", step)
 

@@ -82,10 +82,10 @@ ROUNDED = {
 
 def outcomes(kind, call, *operands):
     seen = set()
-    note = probes.PROBED_FUNCTIONS[call][2](seen)
+    note = probes.PROBE_BY_FUNCTION[call][2](seen)
     note(*operands)
-    assert probes.PROBED_FUNCTIONS[call][0] == kind
-    assert seen <= set(probes.PROBED_FUNCTIONS[call][1])
+    assert probes.PROBE_BY_FUNCTION[call][0] == kind
+    assert seen <= set(probes.PROBE_BY_FUNCTION[call][1])
     return seen
 
 

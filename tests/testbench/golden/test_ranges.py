@@ -18,7 +18,7 @@ from fpga_model.fixed import Fmt, bits, clamp, half_up, signed_bits
 from testbench.golden import cli
 from testbench.golden.bundles import bundle, export
 from testbench.golden.ranges import range_report, range_wiring, ranges
-from testbench.golden.ranges.interpreter import Interpreter, Unsupported, source_tree
+from testbench.golden.ranges.interpreter import Interpreter, Unsupported, read_function_source
 from testbench.golden.ranges.intervals import Lin, Path, Run
 from testbench.golden.stimulus import blocks
 from testbench.golden.stimulus.blocks import Block, Port
@@ -38,7 +38,7 @@ def proven(stem, case=None):
 def assert_inside(stem, case, regs, pins):
     found = ranges.analyse_case(stem, case)
     for one, ends in zip(
-        (*found.registers, *found.pins), range_report.column_ranges(np.column_stack([regs, pins])), strict=True
+        (*found.registers, *found.pins), range_report.column_min_max(np.column_stack([regs, pins])), strict=True
     ):
         assert one.proven[0] <= ends[0], (stem, case, one.name, ends)
         assert ends[1] <= one.proven[1], (stem, case, one.name, ends)
@@ -261,7 +261,7 @@ def test_wrong_hints_make_no_false_claim(stem):
     found = ranges.analyse(block._replace(split=(f"{names[-1]}?",), relations=(relation,), stops=(3, 5)), params)
     stim, _ = made(stem, case)
     regs, _ = blocks.run(block, case, stim)
-    for one, ends in zip(found.registers, range_report.column_ranges(regs), strict=True):
+    for one, ends in zip(found.registers, range_report.column_min_max(regs), strict=True):
         assert one.proven is None or one.proven[0] <= ends[0] <= ends[1] <= one.proven[1]
 
 
@@ -405,5 +405,5 @@ def test_every_kernel_of_the_blocks_was_read():
             modules = {result.function.split(".")[0] for result in ranges.analyse_case(stem, case).results}
             assert modules & {stem, "fixed", "pi"}, stem
     step = importlib.import_module("fpga_model.pi").step
-    assert source_tree(step).name == "pi.step"
+    assert read_function_source(step).name == "pi.step"
     assert File(step.py_func.__code__.co_filename if hasattr(step, "py_func") else step.__code__.co_filename).exists()

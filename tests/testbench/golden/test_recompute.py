@@ -42,7 +42,7 @@ def reset():
 def design(reset, tmp_path):
     """The first two frames of `reset`, every clock of the second a row."""
     design_bundle.write(
-        design_bundle.first_frames(reset, 2, (recording.Window(3250, 3250, "second frame"),)), tmp_path / "reset"
+        design_bundle.shorten_recording(reset, 2, (recording.Window(3250, 3250, "second frame"),)), tmp_path / "reset"
     )
     return tmp_path / "reset"
 

@@ -50,7 +50,7 @@ def played(out):
 @pytest.fixture(scope="module")
 def design():
     r = recording.load(CASE)
-    return design_bundle.make_block({CASE: r.params})
+    return design_bundle.build_top_block({CASE: r.params})
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_bundle_is_complete_and_reads_back(out, design):
         *("tb_top.v", "tb_top.vhd", "tb_top_vunit.vhd", "cocotb_top.v", "test_top.py", "run_vunit.py"),
         *("rom/sine.hex", "rom/sine.mif", "rom/cordic_atan.hex", "rom/cordic_atan.mif"),
         *(f"ports/{p.name}.hex" for p in design.columns),
-        *(f"ports/{name}.hex" for name, _ in benches.result_pairs(design)),
+        *(f"ports/{name}.hex" for name, _ in benches.result_port_pairs(design)),
     } <= listed
     lines = (out / CASE / "vec.csv").read_text().splitlines()
     assert [int(v) for v in lines[-1].split(",")] == [found.at[-1], *found.stim[-1], *found.exp[-1]]
@@ -132,7 +132,7 @@ def test_pins_are_those_of_the_clocked_engine():
 
 
 def test_signatures_are_the_definition_applied_to_every_clock(out, played, design):
-    width = sum(p.width for _, p in benches.result_pairs(design))
+    width = sum(p.width for _, p in benches.result_port_pairs(design))
     stored = [int(line, 16) for line in (out / CASE / "sig.hex").read_text().split()]
     for frame in range(PLAYED):
         rows = played[frame * FRAME_CYCLES : (frame + 1) * FRAME_CYCLES]
@@ -343,7 +343,7 @@ def test_bench_names_clock_register_and_both_values(out, played, design, tmp_pat
     bad = standin.write(tmp_path / "bad", design, CASE, played, (40, "r_dds_phase", 1 << 20))
     done = check(out / CASE, sim, bad, 1)
     assert done.returncode != 0
-    lo = next(lo for name, _, _, lo in benches.slices(benches.result_pairs(design)) if name == "r_dds_phase")
+    lo = next(lo for name, _, _, lo in benches.slices(benches.result_port_pairs(design)) if name == "r_dds_phase")
     want = played[40] >> lo & ((1 << 48) - 1)
     values = f"expected {want:x}, got {want ^ 1 << 20:x}"
     text = done.stdout.lower().replace(f"expected {want:012x}", f"expected {want:x}")
@@ -375,7 +375,7 @@ def test_signature_finds_the_frame_and_its_window_the_register(out, played, desi
 def test_a_stuck_chip_select_shows_as_a_wrong_input(out, played, design, tmp_path, sim):
     # the converter answers the pins: without a falling CS_N it sends nothing
     rows = list(played)
-    low = {name: lo for name, _, _, lo in benches.slices(benches.result_pairs(design))}["o_adc_cs_n"]
+    low = {name: lo for name, _, _, lo in benches.slices(benches.result_port_pairs(design))}["o_adc_cs_n"]
     rows = [word | 1 << low for word in rows]
     bad = standin.write(tmp_path / "bad", design, CASE, rows)
     done = check(out / CASE, sim, bad, 2)

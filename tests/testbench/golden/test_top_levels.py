@@ -36,7 +36,7 @@ def words(out):
     """Packed pins of every clock."""
     r = recording.load(CASE)
     pins = replay_recording.run(r.params, r.stimulus, FRAMES, np.arange(FRAMES * FRAME_CYCLES)).pins
-    return bundle.pack(pins, [p.width for p in design_bundle.make_block({CASE: r.params}).pins])
+    return bundle.pack(pins, [p.width for p in design_bundle.build_top_block({CASE: r.params}).pins])
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def pins(out):
 @pytest.fixture(scope="module")
 def bare():
     """The design with nothing but pins."""
-    return design_bundle.make_block({CASE: recording.load(CASE).params})._replace(registers=())
+    return design_bundle.build_top_block({CASE: recording.load(CASE).params})._replace(registers=())
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def pins_rtl(tmp_path_factory):
     text = (folder / "top.v").read_text()
     listed = re.findall(r"(?m)^ +output (wire +(?:signed )?(?: *\[.*\])? *r_\w+),.*\n", text)
     text = re.sub(r"(?m)^ +output wire .*\br_\w+,.*\n", "", text)
-    assert len(listed) == len(design_bundle.make_block({}).registers)
+    assert len(listed) == len(design_bundle.build_top_block({}).registers)
     assert "output wire" in text
     (folder / "top.v").write_text(text.replace("\n);\n", "\n);\n" + "".join(f"{net};\n" for net in listed), 1))
     return folder
@@ -329,7 +329,7 @@ def test_rows_of_pins_that_come_later_are_those_of_a_design_with_more_registers(
         want = np.where(behind, 0, mine[:, k])
         if port["name"].endswith("sdin"):
             chip = port["name"].removesuffix("sdin")
-            select_n, running = (board_pins.PIN_INDEX(f"{chip}{pin}") for pin in ("sync_n", "sclk_en"))
+            select_n, running = (board_pins.pin_column(f"{chip}{pin}") for pin in ("sync_n", "sclk_en"))
             want = np.where((mine[:, select_n] == 0) & (mine[:, running] == 1), want, 0)
         assert np.array_equal(found[:, k], want), port["name"]
     packed = [int(word) for word in bundle.pack(found, [p["width"] for p in ports["outputs"]])]
@@ -373,7 +373,7 @@ def test_make_check_of_pins_that_come_later(bare, tmp_path, sim):
         'schema = "gyro-latency/1.0"\n[ports]\n' + "".join(f"{name} = {k}\n" for name, k in LATE.items())
     )
     frames = 2
-    r = design_bundle.first_frames(recording.load(CASE), frames, (recording.Window(3000, 600, "resets"),))
+    r = design_bundle.shorten_recording(recording.load(CASE), frames, (recording.Window(3000, 600, "resets"),))
     resets = np.array([[clock, 1, 0, 0] for clock in (3100, 3101, 3500)])
     kept = r.stimulus.host[~np.isin(r.stimulus.host[:, 0], resets[:, 0])]
     host = np.concatenate([kept, resets])

@@ -73,7 +73,7 @@ def built(place, config, firmware, faults, level):
         rtl = loop_faults.write_registers(place / "rtl", faults)
         return rtl, library.build(rtl, firmware, place / "built", 1), None
     rtl = loop_faults.write(place / "rtl", firmware, faults)
-    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.design_chips(config.design)))
+    face = library.pin_face(pin_tops.TOP, firmware, chips.parts(chips.dac_chips(config.design)))
     listed = library.user_sources(rtl, face.top, rtl / "all.f")
     return rtl, library.build(rtl, firmware, place / "built", 1, face, listed), face
 

@@ -28,4 +28,4 @@ def test_the_record_of_a_run_replays(tmp_path):
 )
 def test_what_a_record_of_one_condition_cannot_hold(values, said):
     with pytest.raises(ConfigError, match=said):
-        from_run.run_plan(config.changed(config.Config(), values))
+        from_run.plan_from_config(config.changed(config.Config(), values))

@@ -145,11 +145,11 @@ def test_the_way_from_an_anchor_bounds_what_the_engine_differs_by(request, fixtu
     # what a checkpoint keeps of a first look must not serve this anchor
     assert problem.hashes["anchor"] != looked
     effects = {law: problem.candidates[law].law.scale}
-    effects[law] *= 5.0 / problem.anchor_certificate(problem.first, effects)["sigma"]
-    way = problem.anchor_certificate(problem.first, effects)
+    effects[law] *= 5.0 / problem.linear_change_certificate(problem.first, effects)["sigma"]
+    way = problem.linear_change_certificate(problem.first, effects)
     assert way["sigma"] == pytest.approx(5.0, rel=1e-6)
     assert problem.check(problem.first, effects)["sigma"] < way["sigma"] / 5
-    assert problem.anchor_certificate(*problem.at)["sigma"] == 0.0
+    assert problem.linear_change_certificate(*problem.at)["sigma"] == 0.0
 
 
 RESPONDED = (
@@ -171,7 +171,7 @@ def test_a_few_responses_give_the_columns_of_all_laws(bank):
     other.bench, other.kept = bank.bench, bank.kept
     problem = other.blank()
     for name in RESPONDED:
-        (own,), (given,) = problem.tangents.direct_column(name).values(), problem.column(name).values()
+        (own,), (given,) = problem.tangents.column_from_runs(name).values(), problem.column(name).values()
         k = problem._rows["large"]
         own, given = problem.whiten(k, own), problem.whiten(k, given)
         assert np.linalg.norm(own) > 0, name
@@ -209,7 +209,7 @@ def test_a_first_step_far_beyond_what_the_plant_bears_is_shortened_until_it_runs
     monkeypatch.setattr(problem.tangents, "_first_step", lambda name: 1e7 * first)
     column = problem.column(name)
     assert all(np.isfinite(v).all() for v in column.values())
-    assert problem.tangents._change_sigmas(column) * problem.tangents.steps[name] > loop_tangents.VISIBLE_SIGMAS
+    assert problem.tangents._change_sigmas(column) * problem.tangents.steps[name] > loop_tangents.MIN_LAW_SIGMAS
 
 
 @pytest.mark.slow
@@ -228,7 +228,7 @@ def test_a_law_that_the_data_do_not_see_changes_no_bit_of_a_prediction(whole_bla
 def test_a_board_with_even_references_goes_on_from_any_tick_of_one_without():
     """An edge between both boards' pins is not missed: 45 ticks are half a period. On its own nothing changes."""
     own = configuration.Config()
-    boards = [build.params(c, 25.0, 25.0) for c in (own, loop_tangents.use_uniform_references(own))]
+    boards = [build.params(c, 25.0, 25.0) for c in (own, loop_tangents.disable_retiming(own))]
     sim = Simulation(own, 25.0, 25.0)
     assert simulate.start(own, sim, 0.0, 25.0) is not None
     differ, rate, temp = 0, np.zeros(17), np.full(17, 25.0)
@@ -237,11 +237,11 @@ def test_a_board_with_even_references_goes_on_from_any_tick_of_one_without():
         pins = [references.pins(p.fpga.references, sim.state.fpga.references) for p in boards]
         differ += pins[0] != pins[1]
         before = sim.state.plant.switch.copy()
-        loop_runs.match_switches(boards[0], sim.state)
+        loop_runs.sync_switches(boards[0], sim.state)
         np.testing.assert_array_equal(sim.state.plant.switch, before)
         s = sim.state._replace(plant=plant.copy(sim.state.plant))
         out = engine.streams(0, 17, 0, 0, 0)
-        s = loop_runs.match_switches(boards[1], s)
+        s = loop_runs.sync_switches(boards[1], s)
         # raises where a reference is not what the clocked engine makes of it
         baseband.run(boards[1], s, 2000, rate, temp, engine.NO_WRITE, engine.Faults(), out)
     assert differ >= 2
@@ -354,7 +354,7 @@ def test_fresh_draws_scatter_along_the_laws_as_draws_left_out_do(whole_blank, mo
         g: loop_noise.deviations(rows[g][:, :size]).T / np.sqrt(len(whole_blank.recorded.values[g]))
         for g, size in fitted.items()
     }
-    along = np.mean(whole_blank.pseudo(one) ** 2) / np.mean(whole_blank.stack_fit_rows(one) ** 2)
+    along = np.mean(whole_blank.pseudo(one) ** 2) / np.mean(whole_blank.whiten_fit_rows(one) ** 2)
     assert along == pytest.approx(whole_blank.noise_along, rel=0.2)
     assert along > 1.1
 

@@ -55,7 +55,7 @@ def test_stiffness_within_the_limits_stays_positive():
     for name, factors in (("force_x: x^5", "x^5"), ("force_x: abs(x) x", "abs(x) x")):
         force = ALL[name].law.high * value(factors, {"x": 5e-6}) - k_n_per_m * 5e-6
         assert abs(force) < 1e-9 * k_n_per_m * 5e-6
-    low, _, reason = loop_limits.law_limits(law.parse(f"force_x = {k_n_per_m * 1e12!r} x^3"))
+    low, _, reason = loop_limits.coefficient_limits(law.parse(f"force_x = {k_n_per_m * 1e12!r} x^3"))
     assert (low, reason) == (pytest.approx(-1 / 5**2, rel=1e-9), "the stiffness stays positive")
 
 
@@ -91,7 +91,7 @@ def test_what_breaks_a_limit_is_told_with_value_limit_unit_and_reason():
 
 def test_each_path_has_its_gain_phase_offset_and_slow_variables():
     """By catalogue or grammar; x and vx at force_x alone are the drive mode's frequency and quality factor."""
-    there = {(one.port, *sorted(map(str, one.factors))) for c in ALL.values() for one in c.port_laws(loop_limits.BOARD)}
+    there = {(one.port, *sorted(map(str, one.factors))) for c in ALL.values() for one in c.unit_laws(loop_limits.BOARD)}
     quadratures = {"force_x": ("x", "vx"), "force_y": ("x", "vx"), "cv_x": ("cx", "u"), "cv_y": ("cx", "u")}
     slow = (("rate",), ("rate^2",), ("temp",), ("temp^2",), ("rate", "temp"), ("lag(3)",))
     wanted = [(port, *sorted((*s, q))) for port, pair in quadratures.items() for q in pair for s in slow]

@@ -48,7 +48,7 @@ def worth():
 def test_deviations_are_worth_what_they_state(monkeypatch):
     """Conditions whose noise is unlike: correlations that are pooled and nothing else state too little."""
     kept = worth()
-    monkeypatch.setattr(loop_noise, "CONDITION_WEIGHT", 0.0)
+    monkeypatch.setattr(loop_noise, "UNPOOLED_WEIGHT", 0.0)
     pooled = worth()
     assert 0.97 < kept < 1.03 < pooled
 

@@ -30,19 +30,19 @@ def test_corners_stay_within_what_a_plan_takes_and_the_rate_loop_has_shown():
 
 def test_the_noise_is_that_of_the_condition_most_alike():
     recorded = [c for c in loop_trials.QUICK if c.role == "fit"]
-    assert loop_offers.select_similar(recorded[2]._replace(id="next", temperature_degc=-25.0), recorded).id == "cold"
-    assert loop_offers.select_similar(recorded[1]._replace(id="next", a_um=8.0), recorded).id == "large"
+    assert loop_offers.most_similar(recorded[2]._replace(id="next", temperature_degc=-25.0), recorded).id == "cold"
+    assert loop_offers.most_similar(recorded[1]._replace(id="next", a_um=8.0), recorded).id == "large"
 
 
 def test_the_second_amplitude_of_a_temperature_is_the_farther_one_and_needs_no_larger_force():
     recorded = [c for c in loop_trials.QUICK if c.role == "fit"]
-    found = {c.temperature_degc: c for c in loop_offers.second_amplitudes(recorded)}
+    found = {c.temperature_degc: c for c in loop_offers.amplitude_conditions(recorded)}
     assert {t: c.a_um for t, c in found.items()} == {25.0: 7.0, 50.0: 2.0, -20.0: 2.0, 65.0: 7.0}
     for one in recorded:
         c = found[one.temperature_degc]
         assert (c.detune_deg, c.seconds) == (one.detune_deg, one.seconds)
         assert c.a_um * max(abs(c.rate_dps), abs(c.from_dps)) <= one.a_um * max(abs(one.rate_dps), abs(one.from_dps))
-    assert len(loop_offers.second_amplitudes([*recorded, recorded[0]._replace(a_um=3.0)])) == 3
+    assert len(loop_offers.amplitude_conditions([*recorded, recorded[0]._replace(a_um=3.0)])) == 3
 
 
 def _problem(starts=(1.0, 1.0), conditions=loop_trials.QUICK):
@@ -55,7 +55,7 @@ def _problem(starts=(1.0, 1.0), conditions=loop_trials.QUICK):
         tangent=np.array([[30.0, 0.0], [40.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
         laws=[SimpleNamespace(name=name) for name in columns],
         column=columns.get,
-        stack_fit_rows=lambda of: of,
+        whiten_fit_rows=lambda of: of,
     )
 
 

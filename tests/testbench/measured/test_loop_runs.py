@@ -5,7 +5,7 @@ import pytest
 
 from testbench import config
 from testbench.measured.closed_loop import loop_runs
-from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
+from testbench.measured.closed_loop.loop_difference_plant import disable_retiming
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.record.recording_plan import Condition
 
@@ -21,7 +21,7 @@ def bench():
 def change(bench, condition, law):
     """Change of V_q^2 in a dwell by a law."""
     own = config.Config()
-    uniform = use_uniform_references(own)
+    uniform = disable_retiming(own)
     base, moved = (Run(Model(uniform, laws), condition, 3, own, 0, True) for laws in ((), (LAW.format(law),)))
     rows = bench.run([base, moved], FAST)
     count = loop_runs.feature_count(condition) // len(loop_runs.NAMES)

@@ -22,10 +22,10 @@ class _Loop(Anchored, adds="wall error anchored checked edge"):
         self.at = theta, effects
         self.anchored.append((theta, self.draws))
 
-    def anchor_certificate(self, theta, effects):
+    def linear_change_certificate(self, theta, effects):
         return {"sigma": abs(theta - self.at[0])}
 
-    def prior_overrun(self, theta):
+    def describe_prior_overrun(self, theta):
         return "plant.qy: beyond" if theta > self.edge else ""
 
     def check(self, theta, effects):

@@ -142,4 +142,4 @@ def test_required_streams_alone_are_checked_and_what_tracing_lacks_is_named(smal
     with pytest.raises(ConfigError, match=line):
         loop_record.measured_features(record, "a", {})
     with pytest.raises(ConfigError, match=line):
-        residuals.study_record(record, "R2")
+        residuals.study_residuals(record, "R2")

@@ -68,10 +68,10 @@ def _loop(rows, conditions, model):
 def test_a_record_without_repeats_and_a_model_without_the_noise_stay_as_they_are():
     model, condition = configuration.Config(), Condition("one", 5.0, 0.0, 0.0, 25.0, 0.0, 1.5, 0.6, "fit")
     rows = np.ones((2, loop_runs.feature_count(condition)))
-    assert noise_levels.estimate_flicker(_loop([rows[:1]], (condition,), model), model) == (model, ())
+    assert noise_levels.fit_flicker_level(_loop([rows[:1]], (condition,), model), model) == (model, ())
     for key, value in ((noise_levels.KEY, 0.0), ("noise.flicker", False)):
         quiet = configuration.changed(model, {key: value})
-        assert noise_levels.estimate_flicker(_loop([rows], (condition,), quiet), quiet) == (quiet, ())
+        assert noise_levels.fit_flicker_level(_loop([rows], (condition,), quiet), quiet) == (quiet, ())
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_repeats_of_the_product_s_own_plant_tell_its_level_and_an_effect_in_all_
     found = []
     for offset in (0.0, 100.0):
         moved = [v + offset * v.std(axis=0) for v in rows]
-        cfg, told = noise_levels.estimate_flicker(_loop(moved, conditions, model), model)
+        cfg, told = noise_levels.fit_flicker_level(_loop(moved, conditions, model), model)
         found.append(cfg.plant.sid_flicker_v_per_rthz / model.plant.sid_flicker_v_per_rthz)
         print(f"level {true:g}: found {found[-1]:.2f}, told: {told}")
         assert bool(told) == (true > 1)

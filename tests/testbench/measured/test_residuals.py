@@ -12,7 +12,7 @@ from testbench.measured.record import produce, recording_plan
 from testbench.measured.record.sessions import sessions
 from testbench.measured.residual import residuals, simulator
 from testbench.measured.residual.features import FIRST_BIN, OBSERVABLES, bins, features
-from testbench.measured.residual.noise_floor import Group, estimate_floor
+from testbench.measured.residual.noise_floor import Group, estimate_noise_floor
 from testbench.run import build
 
 TRANSIENT_FRAMES = 400  # power-on; the first microseconds are those of the frame engine's clocked ticks
@@ -97,7 +97,7 @@ def test_the_floor_is_the_sigma_of_repeats_and_whitens_them():
     groups = [
         Group(f"g{k}", k + sigma * rng.normal(size=(8, 2, len(widths))) * [[[1.0], [5.0]]], widths) for k in range(40)
     ]
-    noise = estimate_floor(groups)
+    noise = estimate_noise_floor(groups)
     assert noise.dof == 40 * 7
     assert np.allclose(noise.sigma["g3"], [sigma, 5 * sigma], rtol=0.2)
     white = [noise.whiten_group(g.name, g.values[0] - k) for k, g in enumerate(groups)]
@@ -110,7 +110,7 @@ def test_correlated_bins_are_whitened():
     common = rng.normal(size=(30, 20, 1, 1))
     values = common + 0.5 * rng.normal(size=(30, 20, 1, len(widths)))
     groups = [Group(f"g{k}", v, widths) for k, v in enumerate(values)]
-    noise = estimate_floor(groups)
+    noise = estimate_noise_floor(groups)
     chi2 = [np.mean(noise.whiten_group("g0", value) ** 2) for g in groups for value in g.values]
     assert np.mean(chi2) == pytest.approx(1.0, abs=0.1)
     plain = np.mean((values / noise.sigma["g0"]) ** 2, axis=(2, 3))
@@ -121,14 +121,14 @@ def test_an_observable_without_noise_has_a_floor():
     widths = np.diff(bins(200))
     values = np.zeros((3, 2, len(widths)))
     values[:, 1] = np.random.default_rng(3).normal(size=(3, len(widths)))
-    noise = estimate_floor([Group("a", values, widths)])
+    noise = estimate_noise_floor([Group("a", values, widths)])
     assert (noise.sigma["a"] > 0).all()
     assert np.isfinite(noise.whiten_group("a", values[0])).all()
 
 
 def test_without_repeats_there_is_no_floor():
     with pytest.raises(ValueError, match="needs a condition with 2 repeats or more"):
-        estimate_floor([Group("a", np.zeros((1, 2, 3)), np.array([16, 32, 64]))])
+        estimate_noise_floor([Group("a", np.zeros((1, 2, 3)), np.array([16, 32, 64]))])
 
 
 # ---- studies ---------------------------------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ def chi2(study):
 
 @pytest.mark.parametrize("kind", ["R1", "R2"])
 def test_the_true_model_leaves_the_noise(bench, kind):
-    study = residuals.study_record(bench, kind)
+    study = residuals.study_residuals(bench, kind)
     found = chi2(study)
     assert study.draws == (4 if kind == "R2" else 0)
     assert len(found) == 2 * (4 if kind == "R1" else len(OBSERVABLES))
@@ -176,7 +176,7 @@ def test_another_plant_is_seen_where_it_acts(bench, model, kind, values, seen):
     base = residuals.check_tables.stated_config(bench)
     if "plant.k_vf_sense_n_per_v" in values:
         values = {"plant.k_vf_sense_n_per_v": base.plant.k_vf_sense_n_per_v * 1.001}
-    found = chi2(residuals.study_record(bench, kind, changed(base, values), draws=1 if kind == "R2" else 0))
+    found = chi2(residuals.study_residuals(bench, kind, changed(base, values), draws=1 if kind == "R2" else 0))
     for group in ("a", "b"):
         assert found[group, seen] > 100
         assert found[group, seen] > 0.9 * max(value for key, value in found.items() if key[0] == group)
@@ -184,10 +184,10 @@ def test_another_plant_is_seen_where_it_acts(bench, model, kind, values, seen):
 
 def test_without_noise_the_free_loop_locks_another_way(bench):
     """A negative result: why R2 is predicted with noise."""
-    quiet, drawn = (chi2(residuals.study_record(bench, "R2", draws=draws)) for draws in (0, 4))
+    quiet, drawn = (chi2(residuals.study_residuals(bench, "R2", draws=draws)) for draws in (0, 4))
     assert quiet["a", "f_word"] > 2 * drawn["a", "f_word"]
 
 
 def test_other_kinds_are_refused(bench):
     with pytest.raises(ValueError, match="R3"):
-        residuals.study_record(bench, "R3")
+        residuals.study_residuals(bench, "R3")

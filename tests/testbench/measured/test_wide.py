@@ -10,7 +10,7 @@ from scipy.stats import norm
 from testbench import config as configuration
 from testbench.errors import ConfigError
 from testbench.measured.closed_loop import loop_laws, loop_problem, loop_runs
-from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
+from testbench.measured.closed_loop.loop_difference_plant import disable_retiming
 from testbench.measured.closed_loop.loop_noise import JITTER
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run
 from testbench.measured.closed_loop.loop_symmetries import (
@@ -30,7 +30,7 @@ from tests.testbench.measured import wide_trials
 
 def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board():
     model = configuration.Config()
-    found = {p.key: p for p in data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET))}
+    found = {p.key: p for p in data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_PATH))}
     assert found["plant.fx_hz"].scale == pytest.approx(1e-3 * model.plant.fx_hz)
     assert found["plant.qx"].scale == pytest.approx(math.log(2))
     assert found["plant.tcf_per_k"].scale == pytest.approx(0.1 * abs(model.plant.tcf_per_k))
@@ -111,7 +111,7 @@ CONDITION = Condition("one", 5.0, 100.0, -50.0, 40.0, 15.0, settle_s=1.5, second
 
 
 def _features(model, values):
-    changed = use_uniform_references(configuration.changed(model, values))
+    changed = disable_retiming(configuration.changed(model, values))
     run = Run(Model(changed), CONDITION, 3, None, 0, True)
     return loop_runs.Bench(1).run([run], FAST)[0]
 
@@ -138,13 +138,13 @@ def test_the_columns_of_q_and_drive_force_hold_where_their_product_is_kept():
     """Against a finite difference of 3 % along that change, 50 times smaller than either factor's own."""
     model, condition = configuration.Config(), CONDITION._replace(rate_dps=-240.0, from_dps=0.0)
     keys = ("plant.qx", "plant.k_vf_drive_n_per_v")
-    wanted = tuple(p for p in data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET)) if p.key in keys)
+    wanted = tuple(p for p in data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_PATH)) if p.key in keys)
     order = [keys.index(p.key) for p in wanted]
 
     def features(share):
         changed = {"plant.qx": model.plant.qx * share}
         changed["plant.k_vf_drive_n_per_v"] = model.plant.k_vf_drive_n_per_v / share
-        run = Run(Model(use_uniform_references(configuration.changed(model, changed))), condition, 3, model, 0, True)
+        run = Run(Model(disable_retiming(configuration.changed(model, changed))), condition, 3, model, 0, True)
         return loop_runs.Bench(1).run([run], FAST)[0]
 
     rows = np.array([features(math.exp(-0.03)), features(1.0), features(math.exp(0.03))])
@@ -387,7 +387,7 @@ def test_an_effect_of_promised_size_is_large_enough_to_be_named_beside_a_sheet()
 
 
 def test_what_no_record_tells_is_printed_beside_the_products_and_their_intervals():
-    parameters = data_sheet.parameters(configuration.Config(), data_sheet.read(data_sheet.BUNDLED_SHEET))
+    parameters = data_sheet.parameters(configuration.Config(), data_sheet.read(data_sheet.BUNDLED_PATH))
     text = "\n".join(estimate.Estimate(parameters, None, (), ("plant.qy",), 1.0, False).lines())
     for said in ("NOT converged", "plant.qy is at the edge"):
         assert said in text

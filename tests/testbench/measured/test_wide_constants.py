@@ -31,7 +31,7 @@ KINDS = {
 def found():
     """(result, {key: truth}, keys, values, covariance, {key: middle of the sheet}) of one record of such a board."""
     base, bench = configuration.Config(), loop_runs.Bench(1)
-    wanted = data_sheet.parameters(base, data_sheet.read(data_sheet.BUNDLED_SHEET))
+    wanted = data_sheet.parameters(base, data_sheet.read(data_sheet.BUNDLED_PATH))
     middle = {p.key: p.mean for p in wanted}
     truth = middle | {key: middle[key] * (1 + share) for key, share in OFF.items()}
     values = recorded(bench, configuration.changed(base, truth), SEED, QUICK)

@@ -5,7 +5,7 @@ import pytest
 
 from testbench import config as configuration
 from testbench.measured.closed_loop import loop_problem, loop_runs
-from testbench.measured.closed_loop.loop_difference_plant import use_uniform_references
+from testbench.measured.closed_loop.loop_difference_plant import disable_retiming
 from testbench.measured.closed_loop.loop_runs import FAST, Run
 from testbench.measured.wide import data_sheet
 from testbench.measured.wide.averaged_loop import AveragedLoop
@@ -27,7 +27,7 @@ def _left(columns, law):
 def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pickoff():
     """Sigmas that the wide nuisances leave of it, beside the conditions without it."""
     model, bench = configuration.Config(), loop_runs.Bench(1)
-    wanted = data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET))
+    wanted = data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_PATH))
     data = loop_problem.Measured("plan", CONDITIONS, recorded(bench, model, SEED), {})
     loop = AveragedLoop(data, model, wanted, bench)
     sigma = loop.sigma(loop.mean(np.zeros(len(wanted)), 8)[1])
@@ -35,7 +35,7 @@ def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pic
 
     def features(pickoff):
         changed = configuration.changed(model, {"effects.pickoff_cubic_x": pickoff})
-        told = loop_runs.Model(use_uniform_references(changed))
+        told = loop_runs.Model(disable_retiming(changed))
         slow = [c._replace(settle_s=c.settle_s + 3.0) for c in loop.conditions]
         return np.concatenate(bench.run([Run(told, c, 7, model, 0, True) for c in slow], FAST))
 
@@ -53,8 +53,8 @@ def test_a_second_amplitude_at_a_temperature_leaves_twice_as_much_of_a_cubic_pic
 def test_an_offset_of_the_demodulators_is_no_other_parameter_of_the_sheet():
     """A factor of 2 of it: the sheet's parameters leave more than 10 sigmas, so the record itself gives its size."""
     model, bench = configuration.Config(), loop_runs.Bench(1)
-    wanted = data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_SHEET))
-    uniform = loop_runs.Model(use_uniform_references(model))
+    wanted = data_sheet.parameters(model, data_sheet.read(data_sheet.BUNDLED_PATH))
+    uniform = loop_runs.Model(disable_retiming(model))
     rows = bench.run([Run(uniform, c, SEED, None, 0, True) for c in CONDITIONS], FAST)
     data = loop_problem.Measured("offset", CONDITIONS, {c.id: row[None] for c, row in zip(CONDITIONS, rows)}, {})
     loop = AveragedLoop(data, model, wanted, bench)

@@ -48,7 +48,7 @@ EFFECTS = {
 def board(seed):
     """{key: value} of a board within the sheet."""
     rng, out, plant = np.random.default_rng([78, seed]), {}, configuration.Config().plant
-    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_SHEET).items():
+    for key, (kind, tolerance) in data_sheet.read(data_sheet.BUNDLED_PATH).items():
         width = math.log(tolerance) if kind == "factor" else math.log1p(tolerance)
         most = math.log(MOST_COUPLING) if key == "plant.kxy_n_per_m" else width
         out[key] = getattr(plant, key.partition(".")[2]) * math.exp(rng.uniform(-width, most))
@@ -79,7 +79,7 @@ def trial(seed, law=None, options=None):
         recorded(bench, configuration.changed(base, truth | hidden), seed),
         {"trial": str(seed)},
     )
-    found = estimate.estimate(data, base, data_sheet.parameters(base, data_sheet.read(data_sheet.BUNDLED_SHEET)), bench)
+    found = estimate.estimate(data, base, data_sheet.parameters(base, data_sheet.read(data_sheet.BUNDLED_PATH)), bench)
     problem = loop_problem.LoopProblem(
         data, found.config, found.parameters, loop_laws.from_catalogue(), loop_laws.from_grammar(), bench
     )

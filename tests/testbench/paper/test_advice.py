@@ -105,8 +105,8 @@ def test_in_front_of_the_pi_a_notch_takes_the_damping_of_the_ring_away():
     loop, inside = lp.close(DEFAULT), notch_loop.close_with_notch(DEFAULT, notch_loop.design(139.0, 20.0))
     assert lp.radius(inside) < 1
     split = DEFAULT.split_hz
-    assert advisor.ring_pole(loop, split).tau_s == pytest.approx(0.308, abs=0.01)
-    assert advisor.ring_pole(inside, split).tau_s == pytest.approx(4.13, abs=0.1)
+    assert advisor.ringing_pole(loop, split).tau_s == pytest.approx(0.308, abs=0.01)
+    assert advisor.ringing_pole(inside, split).tau_s == pytest.approx(4.13, abs=0.1)
     # far away and narrow, it changes nothing
     harmless = notch_loop.close_with_notch(DEFAULT, notch_loop.design(1900.0, 0.5))
     assert advisor.bandwidth(harmless)[0] == pytest.approx(advisor.bandwidth(loop)[0], abs=0.01)

@@ -125,7 +125,7 @@ def test_scale_factor_is_where_the_forces_cancel():
 
 def test_held_signal_has_the_angle_of_equation_14():
     t = np.linspace(0, 2 * math.pi / W, 64, endpoint=False)
-    signal = eq.fixed_loop_signal(t, 1.0, 8000.0, W, 0.027)
+    signal = eq.open_loop_signal(t, 1.0, 8000.0, W, 0.027)
     a_i, a_q = 2 * np.mean(signal * np.sin(W * t + 0.027)), 2 * np.mean(signal * np.cos(W * t + 0.027))
     assert eq.phi_iq(a_i, a_q) == pytest.approx(eq.phi_iq(1.0, 8000.0))
     assert 90 - math.degrees(eq.phi_iq(1.0, 8000.0)) == pytest.approx(0.00716, abs=1e-5)

@@ -55,11 +55,11 @@ def test_lateness_is_that_of_the_pin(hz, at, frame_clocks):
     slack = int(grid.SLACK * words[0] * at.clocks)
     assert any(begun.low - slack <= start + k * turn // 2 <= begun.high + slack for k in range(-2, 3))
     ones = np.ones(FRAMES)
-    found = grid.edge_delay(words, ones, begun, offset, at)
+    found = grid.mean_edge_delay(words, ones, begun, offset, at)
     assert found.deg == pytest.approx(360 * own.mean(), abs=3 * found.sd_deg + 1e-3)
     for other in (0, offset + turn // 4):
         _, lateness = pins(words, start, other, at.clocks, turn, frame_clocks)
-        found = grid.edge_delay(words, ones, begun, other, at)
+        found = grid.mean_edge_delay(words, ones, begun, other, at)
         assert found.deg == pytest.approx(360 * lateness.mean(), abs=3 * found.sd_deg + 1e-3)
 
 
@@ -70,7 +70,7 @@ def test_edges_that_stand_on_the_grid_leave_a_wide_start():
     begun = grid.start(words, instants, 0, EACH_TICK)
     step = int(words[0]) * 26
     assert begun.high - begun.low > 0.9 * step
-    found = grid.edge_delay(words, np.ones(FRAMES), begun, 0, EACH_TICK)
+    found = grid.mean_edge_delay(words, np.ones(FRAMES), begun, 0, EACH_TICK)
     assert found.sd_deg == pytest.approx(360 * step / TURN / np.sqrt(12), rel=0.1)
     assert abs(found.deg - 360 * own.mean()) < 2 * found.sd_deg
 

@@ -90,7 +90,7 @@ def drawn(rng, count):
 
 
 def one(z, mode, k):
-    v = {name: float(a[k]) for name, a in priors.prior_values(z).items()}
+    v = {name: float(a[k]) for name, a in priors.board_numbers(z).items()}
     return probable_board.board_config(v, {name: int(a[k]) for name, a in mode.items()})
 
 
@@ -170,16 +170,16 @@ def test_the_ring_table_is_the_ring():
         for _ in range(10):
             cref, carrier = math.exp(rng.uniform(math.log(12e-12), math.log(200e-12))), rng.uniform(2.2, 7.5)
             table = ring_table.rings(np.array([carrier]), np.array([cref]), temp)
-            np.testing.assert_allclose([a[0] for a in table], ring_table.ring_numbers(carrier, cref, temp), rtol=2e-6)
+            np.testing.assert_allclose([a[0] for a in table], ring_table.exact_ring(carrier, cref, temp), rtol=2e-6)
 
 
 def test_a_compensated_carrier_keeps_the_gain_of_its_ring():
     carrier_v, cref = 4.0, 38e-12
     cold, warm = (
-        ring_table.ring_numbers(carrier_v + forward.DROP_V_PER_K * (temp - 25), cref, temp).gain_v_per_f
+        ring_table.exact_ring(carrier_v + forward.DROP_V_PER_K * (temp - 25), cref, temp).gain_v_per_f
         for temp in (-20.0, 50.0)
     )
-    plain = [ring_table.ring_numbers(carrier_v, cref, temp).gain_v_per_f for temp in (-20.0, 50.0)]
+    plain = [ring_table.exact_ring(carrier_v, cref, temp).gain_v_per_f for temp in (-20.0, 50.0)]
     assert abs(warm / cold - 1) < 0.1 * (plain[1] / plain[0] - 1)
 
 
@@ -189,8 +189,8 @@ def test_a_compensated_carrier_keeps_the_gain_of_its_ring():
 def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
     """Rows at the optimum of the true mode are within the noise they were drawn with."""
     z, mode, rng = simulated_boards.board(2, 0)
-    (paper,) = likelihood.draw_papers(z, mode, rng)
-    data = likelihood.comparison_data(paper)
+    (paper,) = likelihood.simulate_papers(z, mode, rng)
+    data = likelihood.compared_rows(paper)
     found = infer.optimum(data)
     post = infer.posterior(data, rng, 200)
     assert post.size > 40
@@ -203,7 +203,7 @@ def test_a_paper_of_a_known_board_gives_its_modes_and_its_rows():
 
 @pytest.mark.slow
 def test_simulated_papers_are_covered_and_ranks_are_uniform():
-    judged = simulated_boards.rank_boards(100, 11)
+    judged = simulated_boards.simulate_truth_ranks(100, 11)
     parameters = np.array(list(judged.parameters.values()))
     held_out = np.concatenate(list(judged.heldout_ranks.values()))
     assert parameters.shape == (len(priors.PRIORS), 100)

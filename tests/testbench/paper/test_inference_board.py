@@ -35,7 +35,7 @@ def found():
 
 
 def test_the_board_is_the_optimum_of_the_paper(found):
-    data = likelihood.comparison_data(likelihood.the_paper())
+    data = likelihood.compared_rows(likelihood.the_paper())
     best = infer.optimum(data)
     z, mode, covariance = inference_study.best_board(data, best)
     assert mode == found["board"]["mode"]
@@ -45,7 +45,7 @@ def test_the_board_is_the_optimum_of_the_paper(found):
 
 
 def test_the_file_is_that_board(found):
-    v = {name: float(a) for name, a in priors.prior_values(np.array(found["board"]["z"])).items()}
+    v = {name: float(a) for name, a in priors.board_numbers(np.array(found["board"]["z"])).items()}
     wanted = probable_board.settings(v, found["board"]["mode"])
     loaded = configuration.load(BOARD)
     for key, value in wanted.items():
@@ -55,7 +55,7 @@ def test_the_file_is_that_board(found):
 
 
 def test_the_board_meets_the_fitted_rows_by_the_linear_loops(found):
-    values = inference_study.config_rows(configuration.load(BOARD), found["board"]["mode"]["ye2_at_pin"] == 1)
+    values = inference_study.linear_rows(configuration.load(BOARD), found["board"]["mode"]["ye2_at_pin"] == 1)
     pulls = {row.name: inference_study.pull(row, values[row.name]) for row in likelihood.FITTED}
     assert max(map(abs, pulls.values())) < 2.0, pulls
     for row in found["rows"]:
@@ -91,7 +91,7 @@ def test_each_class_that_its_temperature_contradicts_has_its_smallest_change(fou
     moved = found["changes_at_temperature"]
     assert {(m["fold"], m["group"]) for m in moved} == {(c["fold"], c["group"]) for c in found["other_sign"]} == wrong
     assert all(m["without"] < heldout_measurements.LEVEL <= m["together"] and m["moved"] for m in moved)
-    assert len(inference_page.holdout_changes_table(found).rows) == len(moved)
+    assert len(inference_page.heldout_changes_table(found).rows) == len(moved)
     assert {m["fold"] for m in moved} == by_temp
     assert max(abs(m["moved"]) for m in moved) < 0.5
     assert not [c for c in found["other_sign"] if c["verdict"] == "contradicted"]
@@ -106,14 +106,14 @@ def test_the_smallest_change_at_a_temperature_is_what_the_linear_loop_needs():
     z[:, k] = 0.02 * rng.standard_normal(count)
     post = infer.Posterior(None, z, {n: np.full(count, a) for n, a in one.items()}, np.full(count, 1 / count), count)
     (fold,) = [f for f in rows.folds() if f.name == "warm"]
-    said = heldout_measurements.draw_predictions(post, rng)
+    said = heldout_measurements.draw_noisy_predictions(post, rng)
     values = {name: float(np.median(said[name])) for name in fold.rows}
     paper = likelihood.Paper(values | {"bias_50": values["bias_50"] + 0.18})
-    (moved,) = change.temperature_moves(paper, (fold, post, said), "bias", best=1)
+    (moved,) = change.heldout_moves(paper, (fold, post, said), "bias", best=1)
     assert moved.name == "offset_dps"
 
     def bias_dps(offset_dps):
-        v = {name: float(a) for name, a in priors.prior_values(np.zeros(len(priors.NAMES))).items()}
+        v = {name: float(a) for name, a in priors.board_numbers(np.zeros(len(priors.NAMES))).items()}
         config = probable_board.board_config(v | {"offset_dps": offset_dps}, one)
         return np.mean([derived.derive(inference_study.with_words(config, case), 50.0).bias_dps for case in (1, 2, 3)])
 
@@ -131,7 +131,7 @@ def test_a_drawn_board_runs_as_the_closed_form_says(number):
     z = np.clip(rng.standard_normal((1, infer.SIZE)), -1.2, 1.2)
     mode = {c.name: rng.choice(c.choices, 1) for c in priors.CHOICES}
     temp = (-20.0, 25.0, 50.0)[number % 3]
-    v = {name: float(a[0]) for name, a in priors.prior_values(z).items()}
+    v = {name: float(a[0]) for name, a in priors.board_numbers(z).items()}
     checked = probable_board.board_config(v, {name: int(a[0]) for name, a in mode.items()})
     bench = Bench(checked, 20.0, temp, "baseband")
     words = {}
@@ -141,8 +141,8 @@ def test_a_drawn_board_runs_as_the_closed_form_says(number):
         rows_read = bench.record(8.0)
         words[rate] = rows_read.hann("rate_word")
     volts = (rows_read.mean("quadrature_code") + 0.5) / 2**16 * checked.plant.quad_dac_span_v
-    quiet = [measure_allan.average_rows(bench.record(20.0)["rate_word"].astype(float)) for _ in range(5)]
-    seen = forward.compute_rows(z, mode, (1,))
+    quiet = [measure_allan.average_row_blocks(bench.record(20.0)["rate_word"].astype(float)) for _ in range(5)]
+    seen = forward.compute_board_rows(z, mode, (1,))
     lsb = (words[20.0] - words[-20.0]) / 40
     allan = measure_allan.analyse(np.concatenate(quiet) / lsb, measure_allan.BASE_FRAMES * bench.frame_s)
     assert bench.locked

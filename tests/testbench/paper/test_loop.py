@@ -137,7 +137,7 @@ def test_a_margin_is_where_the_loop_becomes_unstable():
 
 
 def edge_hz(ye1_deg, ye2_deg):
-    return advisor.bandwidth(lp.close(advisor.set_phases(DEFAULT, ye1_deg, ye2_deg)))[0]
+    return advisor.bandwidth(lp.close(advisor.set_sense_phases(DEFAULT, ye1_deg, ye2_deg)))[0]
 
 
 def test_bandwidth_over_the_sense_phases():
@@ -155,7 +155,7 @@ def test_bandwidth_over_the_sense_phases():
     assert 0.4 < at_nine < 0.6
     # two thirds of it are loop gain, which goes with cos(ye1 + ye2'): 1 % of gain is 0.21 Hz
     gain = math.cos(math.radians(9 + 1.26)) / math.cos(math.radians(1.26))
-    straight = advisor.set_phases(DEFAULT, 0, 1.26)
+    straight = advisor.set_sense_phases(DEFAULT, 0, 1.26)
     slower, by_one_percent = (
         advisor.bandwidth(lp.close(advisor.vary_parameters(straight, crossover=g)))[0] for g in (gain, 0.99)
     )

@@ -8,7 +8,7 @@ import pytest
 from testbench.paper import temperature
 from testbench.paper.calibration import calibration_boards
 from testbench.paper.calibration.bench import log_cosine_ratio
-from testbench.paper.calibration.calibrate_phases import Readings, fit_ring, fit_step_ring
+from testbench.paper.calibration.calibrate_phases import Readings, fit_ringing, fit_step_ringing
 from testbench.paper.measure import measure_allan, measure_bandwidth, measure_scale
 from tests.testbench.bench_setup import configured
 
@@ -29,7 +29,7 @@ def test_ring_gives_split_and_decay_back():
     t = np.arange(40000) * FRAME_S
     rng = np.random.default_rng(1)
     x = 143000 + 3000 * np.exp(-t / 5.8) * np.cos(2 * np.pi * 139.0 * t + 0.3) + 100 * rng.normal(size=len(t))
-    split, decay_s = fit_ring(x, 130.0, FRAME_S)
+    split, decay_s = fit_ringing(x, 130.0, FRAME_S)
     assert split / (2 * math.pi) == pytest.approx(139.0, abs=0.002)
     assert decay_s == pytest.approx(5.8, rel=0.01)
 
@@ -41,7 +41,7 @@ def test_a_ring_that_is_soon_gone_is_read_from_the_step(decay_s):
     noise = 60 * np.random.default_rng(2).normal(size=len(t))
     line = 1e5 * np.exp(-t / decay_s) * np.cos(2 * np.pi * 53.2 * t - 0.4)
     own = 9e4 * (t / 3.2e-3) ** 2 * np.exp(-t / 3.2e-3)
-    split, found_s = fit_step_ring(-2e5 + line + own + noise, 48.0, 0.036, 3.2e-3, FRAME_S)
+    split, found_s = fit_step_ringing(-2e5 + line + own + noise, 48.0, 0.036, 3.2e-3, FRAME_S)
     assert split / (2 * math.pi) == pytest.approx(53.2, rel=3e-3)
     assert found_s == pytest.approx(decay_s, rel=0.02)
 
@@ -76,7 +76,7 @@ def test_allan_deviation_equals_allantools():
     rate = rng.normal(size=6000) + 0.05 * np.cumsum(rng.normal(size=6000)) / 10
     for m in (1, 2, 7, 64, 500):
         (_, want, _, _) = allantools.oadev(rate, rate=1.0, data_type="freq", taus=[m])
-        assert measure_allan.overlapping_deviation(rate, m) == pytest.approx(want[0], rel=1e-9)
+        assert measure_allan.overlapping_allan_deviation(rate, m) == pytest.approx(want[0], rel=1e-9)
 
 
 def test_allan_fit_of_what_is_neither_white_nor_flicker():
@@ -130,7 +130,7 @@ def test_bandwidth_of_a_pole():
 
 def test_boards_are_the_same_however_many_are_drawn():
     base = configured()
-    many = calibration_boards.draw_boards(base, 5, 3)
+    many = calibration_boards.random_boards(base, 5, 3)
     assert many[2] == calibration_boards.draw(base, 5, 2)
     assert len({c.plant.fx_hz for c in many}) == 3
     for config in many:

@@ -35,7 +35,7 @@ def test_the_rail_alone_explains_a_railed_board():
     assert math.isnan(found.zero_dps)
     assert found.rail_ppm == pytest.approx(found.measured_ppm, rel=1e-9)
     assert found.measured_ppm > 500.0
-    assert found.unclipped_ppm < 1e-6
+    assert found.unrailed_ppm < 1e-6
 
 
 def test_both_rails_count():
@@ -43,7 +43,7 @@ def test_both_rails_count():
     found = nonlinearity.explain_nonlinearity(RATES, words, v_q, CEILING_V, PHASES)
     assert (found.ceiling_dps, found.zero_dps) == pytest.approx((-450.0, 306.25), rel=1e-9)
     assert found.rail_ppm == pytest.approx(found.measured_ppm, rel=1e-9)
-    assert found.unclipped_ppm < 1e-6
+    assert found.unrailed_ppm < 1e-6
 
 
 def test_slopes_and_nonlinearity_of_the_page():
@@ -63,7 +63,7 @@ def test_what_is_not_the_rail_stays():
     found = nonlinearity.explain_nonlinearity(RATES, words, np.full_like(v_q, 4.5), CEILING_V, PHASES)
     assert math.isnan(found.ceiling_dps)
     assert math.isnan(found.zero_dps)
-    assert found.rail_ppm < 1e-6 < 5.0 < found.measured_ppm == pytest.approx(found.unclipped_ppm)
+    assert found.rail_ppm < 1e-6 < 5.0 < found.measured_ppm == pytest.approx(found.unrailed_ppm)
 
 
 def test_cases_2_and_3_of_the_gyroscope():
@@ -74,12 +74,12 @@ def test_cases_2_and_3_of_the_gyroscope():
     known = {"xe2": 0.9433, "ye1": 9.2324, "ye2": 1.2630 - 0.0113}
     assert simulated.mode_lead_deg(base.device()) == pytest.approx(0.0113, abs=5e-5)
     for case, more in (("2", {}), ("3", {"xe2": 0.0})):
-        read = nonlinearity.read(phase_laws.set_residuals(base, cases[case]))
+        read = nonlinearity.read(phase_laws.set_residual_phases(base, cases[case]))
         found = nonlinearity.explain_nonlinearity(
             read["rates_dps"], read["scale_words"], read["quadrature_v_of_rate"], 5.5, known | more
         )
         assert found.measured_ppm == pytest.approx(found.rail_ppm, abs=18.0), case
-        assert found.unclipped_ppm < 24.0, case
+        assert found.unrailed_ppm < 24.0, case
     assert found.rail_ppm > 3 * 250.0
 
 
@@ -87,7 +87,7 @@ def test_angles_are_left_where_they_are_asked_for():
     """Words of a case turned so that the budget's own phases less the words are the angles."""
     base = configured()
     last = closed_form.cases_deg(base)["5"]
-    config = phase_laws.set_residuals(base, last, xe1=3.0, xe2=-1.0, ye1=-9.0, ye2=-6.0).firmware
+    config = phase_laws.set_residual_phases(base, last, xe1=3.0, xe2=-1.0, ye1=-9.0, ye2=-6.0).firmware
     assert 3.7597 - config.phase_drive_sine_deg == pytest.approx(3.0, abs=1e-4)
     assert 0.9433 + config.phase_drive_ref_deg == pytest.approx(-1.0, abs=1e-4)
     assert 9.2324 - config.phase_sense_sine_deg == pytest.approx(-9.0, abs=1e-4)

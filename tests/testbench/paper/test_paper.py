@@ -17,7 +17,7 @@ from matplotlib.text import Text
 from testbench.campaign import collect, execute
 from testbench.campaign.campaign_progress import Progress
 from testbench.campaign.plan import plan
-from testbench.campaign.pool import InProcess
+from testbench.campaign.pool import InProcessExecutor
 from testbench.campaign.store import Store
 from testbench.config import changed
 from testbench.console import figure_files, report
@@ -102,7 +102,7 @@ def test_where_edges_slide_on_their_grid_the_stamps_say_so():
     truth = Judge(bench).residuals().deg
     turned = calibrate_phases.TurnedReading(bench)
     turned.to(55.0)
-    rows = bench.record_stamps(3.0)
+    rows = bench.record_with_stamps(3.0)
     assert calibrate_phases.pin_delay(bench, rows, np.ones(len(rows))).deg > 0.05
     turned.to(0.0)
     found = calibrate_phases.detune(bench, (55.0, 50.0))
@@ -182,7 +182,7 @@ SETS = {"1": dict.fromkeys(WORDS, 0.0), "5": WORDS}
 
 def played(told, folder):
     """Run a campaign here; (report, {address: values}) of it."""
-    report = execute.run(told, folder, InProcess(), Progress(quiet=True))
+    report = execute.run(told, folder, InProcessExecutor(), Progress(quiet=True))
     store = Store.open_folder(folder)
     found = {p.address: collect.read_point(store, p.address)[1] for p in plan.points(told)[0]}
     return report, {a: {name: v.data for name, v in values.items()} for a, values in found.items()}

@@ -187,7 +187,7 @@ def test_every_key_reaches_the_points(tmp_path):
         # case 1 is the words that the board had before its calibration, as `calibrate` returns them
         begin = {name: getattr(wanted.firmware, f"{name}_deg") for name in cases.PHASE_REGISTERS}
         made = plan.read(cases.write_plan(tmp_path / "p.toml", wanted, {"1": begin, "2": words}, 10.0, (25.0, 50.0)))
-        first, last = (config.from_dict(plan.point_tree(made, index)[0]) for index in ((0, 0), (1, 1)))
+        first, last = (config.from_dict(plan.point_config_tree(made, index)[0]) for index in ((0, 0), (1, 1)))
         for kept in SECTIONS.keys() - set(OWN):
             assert getattr(first, kept) == getattr(wanted, kept), f"{section}.{key}"
         assert last == config.changed(

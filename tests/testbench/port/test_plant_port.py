@@ -284,7 +284,7 @@ def test_no_file_can_name_a_library(resonator, tmp_path):
     (tmp_path / "campaign.toml").write_text('[set]\nscenario.plant = "a.so"\n[axes.seed]\nnoise.seed = [1, 2]\n')
     with pytest.raises(ConfigError, match=r"scenario\.plant: a campaign has the own plant"):
         campaign_plan.read(tmp_path / "campaign.toml")
-    plan = from_run.run_plan(checked)
+    plan = from_run.plan_from_config(checked)
     assert (plan.model.scenario.plant, plan.truth.scenario.plant) == ("", str(resonator))
     with pytest.raises(ConfigError, match=line):
         check_tables.stated_config(Record({}, {}, to_toml(checked), "simulated", 0.0))

@@ -33,7 +33,7 @@ def given(stem, case):
 def test_ports_are_those_of_the_model(stem):
     block, text = blocks.BLOCKS[stem], (RTL / f"{stem}.v").read_text()
     case = next(iter(block.cases))
-    found = benches.result_pairs(block)
+    found = benches.result_port_pairs(block)
     parameters = [(name, fmt.width, bool(fmt.s)) for name, _, fmt in blocks.case_parameters(block, case)]
     wanted = {
         "input": [("clk", 1, False), *((port.name, port.width, port.signed) for port in block.columns)],

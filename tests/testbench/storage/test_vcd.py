@@ -92,7 +92,7 @@ def test_what_is_not_known_is_x(tmp_path, monkeypatch, block_rows):
     monkeypatch.setattr(vcd, "BLOCK_ROWS", block_rows)
     rows, known = np.array([[1, 5], [1, 5], [1, 5], [0, 6]]), np.ones((4, 2), bool)
     known[1, 0] = known[2, :] = False
-    vcd.write_vcd(tmp_path / "run.vcd", rows, [Signal("a", 1), Signal("b", 3)], valid=known)
+    vcd.write_vcd(tmp_path / "run.vcd", rows, [Signal("a", 1), Signal("b", 3)], is_valid=known)
     text = (tmp_path / "run.vcd").read_text()
     found = [re.findall(rf"^(\S+?) ?{re.escape(ident)}$", text, re.M) for ident in ('"', "#")]
     assert found == [["1", "x", "0"], ["b101", "bxxx", "b110"]]

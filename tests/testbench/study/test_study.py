@@ -97,7 +97,7 @@ def test_force_per_word_is_the_fundamental_of_a_table(sizes):
     config = changed(sine_address_bits=a, sine_fraction_bits=f, sine_bits=b)
     # rounding of a quarter's cells, 3 sigma; a quarter is all that differs
     sigma = 2 * math.sqrt(1 / 6 / cells) / 2 ** (b - 1)
-    p = prediction.linear_parameters(config)
+    p = prediction.parameters_with_table_gain(config)
     held = config.device().sense_dac_span_v / 2**23 * np.sinc(p.w_rad_s / (2 * np.pi) / 1e6)
     assert p.volts_per_word / held == pytest.approx(fundamental, abs=3 * sigma + 1e-8)
 
@@ -159,7 +159,7 @@ def test_the_plan_of_the_repository():
 
 
 def test_the_line_of_the_default_board():
-    f_hz = prediction.linear_parameters(configuration.Config()).w_rad_s / (2 * np.pi)
+    f_hz = prediction.parameters_with_table_gain(configuration.Config()).w_rad_s / (2 * np.pi)
     page = " ".join((ROOT / "docs" / "word_lengths.md").read_text().split())
     assert f"8271 times its drive frequency is {8271 * f_hz - 91e6:.2f} Hz beside 91 MHz" in page
 

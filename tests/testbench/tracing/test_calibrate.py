@@ -35,7 +35,7 @@ class Gauge(Problem, adds="t sd"):
         whole = (Observable("y", "V", slice(0, 40)),)
         self.segments = tuple(Segment(f"s{r}", {}, "s", r, "fit", whole) for r in range(2))
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         return self._y[k]
 
     def predict(self, points, which):

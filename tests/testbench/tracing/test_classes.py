@@ -118,7 +118,7 @@ def test_a_class_that_may_be_incomplete_is_not_named(monkeypatch):
     tracer = Tracer(problem, QUICK, None, None)
     assert tracer.run().verdict == "named"
     best = tracer.found.best
-    sets = causes.nearby_sets(tracer.pool, best, tracer.found.fit(best), tracer.work.laws)
+    sets = causes.nearby_law_sets(tracer.pool, best, tracer.found.fit(best), tracer.work.laws)
     assert len(sets) > 24
     for names in (tuple(sorted(n)) for n in sets):
         assert names in tracer.work.failed or tracer.work.candidates[names].refitted
@@ -138,7 +138,7 @@ def test_a_rival_far_off_in_chi2_is_of_the_class_below_odds_of_50(odds, inside, 
     assert own.fit.cost - tracer.found.fit(best).cost > causes.AS_GOOD
     log_z = own.log_z + work.score(best) - work.score(rival) - np.log(odds)
     monkeypatch.setitem(work.candidates, rival, own._replace(log_z=log_z))
-    monkeypatch.setattr(causes, "nearby_sets", lambda *args: [rival])
+    monkeypatch.setattr(causes, "nearby_law_sets", lambda *args: [rival])
     found, _ = causes.find_causes(work, tracer.pool, best, lambda fit: True)
     assert (rival in [c.names for c in found]) == inside
 

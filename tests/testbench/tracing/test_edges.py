@@ -34,7 +34,7 @@ class Line(Problem):
                 self._y.append(slope * x + rng.normal(size=rows))
                 self._x.append(x)
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         return self._y[k]
 
     def predict(self, points, which):

@@ -11,7 +11,7 @@ from testbench.tracing import trace_report
 from testbench.tracing.figures import all_figures
 from testbench.tracing.fit import discover, heldout
 from testbench.tracing.fit.heldout import FLOOR_FACTOR, bootstrap, mean_square_p, predictive_log_odds
-from testbench.tracing.fit.rivals import change_sigma
+from testbench.tracing.fit.rivals import change_noise_sd
 from testbench.tracing.noise.power import clopper_pearson
 from testbench.tracing.problem.problem import PortForce
 from testbench.tracing.problem.result import plain_value
@@ -29,7 +29,7 @@ def test_held_out_errors_are_the_rms_of_single_repeats():
     held = [k for k, s in enumerate(problem.segments) if s.role == "validate"]
     for label, fit in (("before", tracer.fits["before"]), ("after", tracer.fits["after"])):
         predicted = problem.predict([(fit.point.theta, fit.model.effects(fit.point))], held)[0]
-        errors = np.concatenate([problem.segment_features(k)[BINS:] - p[BINS:] for k, p in zip(held, predicted)])
+        errors = np.concatenate([problem.observed_features(k)[BINS:] - p[BINS:] for k, p in zip(held, predicted)])
         assert result.heldout["a"][label] == pytest.approx(np.sqrt(np.mean(errors**2)))
     row = result.heldout["a"]
     assert row["before_ci"][0] < row["before"] < row["before_ci"][1]
@@ -119,7 +119,7 @@ def test_held_out_odds_are_those_of_two_predictive_densities(size, truth):
     outer, without, with_law = np.outer(along, along), 0.3, 0.7  # sigmas that each fit does not know
     first = rng.normal(size=rows) + truth * along
     last = first - size * along
-    noise = np.eye(rows) + (change_sigma(_Space, size * along, last) ** 2 - 1) * outer
+    noise = np.eye(rows) + (change_noise_sd(_Space, size * along, last) ** 2 - 1) * outer
     one, two = (multivariate_normal(np.zeros(rows), noise + sd**2 * outer) for sd in (without, with_law))
     found = predictive_log_odds(_Space, first, last, without * along[:, None], with_law * along[:, None])
     assert found == pytest.approx(two.logpdf(last) - one.logpdf(first), abs=1e-9)

@@ -232,7 +232,7 @@ def test_the_rotation_alarm_keeps_its_level_under_any_noise_colour():
 
 def test_refined_noise_finds_the_flicker_and_where():
     space = Space(Toy(2, flicker=3.0, repeats=4), "fit")
-    found = noise_model.study_noise([space], np.random.default_rng(0))
+    found = noise_model.estimate_octave_noise([space], np.random.default_rng(0))
     assert found.p < 1e-6
     slow = [o for o in found.octaves if o.first == 0]
     fast = [o for o in found.octaves if o.first >= 3]

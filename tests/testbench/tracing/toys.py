@@ -125,7 +125,7 @@ class Toy(Problem, adds="declared theta effects without"):
         self._y, self._conditions = [self._y[k] for k in kept], [self._conditions[k] for k in kept]
         self.segments = tuple(self.segments[k] for k in kept)
 
-    def segment_features(self, k):
+    def observed_features(self, k):
         return self._y[k]
 
     def predict(self, points, which):

@@ -12,7 +12,7 @@ from testbench.golden.bundles.benches.layout import (  # noqa: F401
     REPORTED_ROWS,
     RESET_CYCLES,
     half_ps,
-    result_pairs,
+    result_port_pairs,
     rom_name,
     slices,
 )

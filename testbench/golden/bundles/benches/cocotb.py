@@ -9,8 +9,8 @@ from testbench.golden.bundles.benches.layout import (
     block_levels,
     half_ps,
     input_ports,
-    ports_text,
-    result_pairs,
+    port_count_text,
+    result_port_pairs,
 )
 from testbench.golden.bundles.benches.template import fill_template
 from testbench.golden.bundles.benches.verilog import dut_instance, span
@@ -19,7 +19,7 @@ from testbench.golden.bundles.benches.verilog import dut_instance, span
 def cocotb_top(block, case):
     """The design with the case's parameters, as the top level of cocotb."""
     ports = ["    input wire clk", *(f"    input wire {span(p.width)}{n}" for n, p in input_ports(block))]
-    ports += [f"    output wire {span(p.width)}{n}" for n, p in result_pairs(block)]
+    ports += [f"    output wire {span(p.width)}{n}" for n, p in result_port_pairs(block)]
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
 module cocotb_{block.stem} (
@@ -41,6 +41,6 @@ def cocotb_test(block, case):
         sources=repr((*PARTS.get(block.stem, ()), block.stem)),
         half_ps=half_ps(block),
         shown=REPORTED_ROWS,
-        ports=repr({level: ports_text(block, level) for level in block_levels(block)}),
+        ports=repr({level: port_count_text(block, level) for level in block_levels(block)}),
         default="registers",
     )

@@ -43,7 +43,7 @@ def rom_parameters(block):
     return {"ROM_FILE": rom_name(block)} if block.roms else {}
 
 
-def result_pairs(block):
+def result_port_pairs(block):
     """(RTL port, Port) of everything compared: registers, then outputs."""
     return [(f"r_{p.name}", p) for p in block.registers] + [(f"o_{p.name}", p) for p in block.pins]
 
@@ -51,44 +51,44 @@ def result_pairs(block):
 def set_params(block, case):
     """`case_parameters` but for those that no design needs."""
     unused = levels.unused_params(block)
-    return [entry for entry in case_parameters(block, case) if entry[0] not in unused]
+    return [param_entry for param_entry in case_parameters(block, case) if param_entry[0] not in unused]
 
 
 def block_levels(block):
     """Levels at which a block has ports; registers is always one."""
-    levels_entry = levels.levels_entry(block)
-    return [level for level in levels.LEVELS if levels_entry.get(level, True)]
+    ports_by_level = levels.levels_entry(block)
+    return [level for level in levels.LEVELS if ports_by_level.get(level, True)]
 
 
-def compared_names(block, level):
+def compared_port_names(block, level):
     """Names of the ports that a level judges."""
-    return [name for name, _ in result_pairs(block)] if level == "registers" else levels.levels_entry(block)[level]
+    return [name for name, _ in result_port_pairs(block)] if level == "registers" else levels.levels_entry(block)[level]
 
 
-def ports_text(block, level):
+def port_count_text(block, level):
     """What a bench says of the ports that it judges."""
-    count = f"{len(compared_names(block, level))} ports"
+    count = f"{len(compared_port_names(block, level))} ports"
     return count if level == "registers" else f"{count} at level {level}"
 
 
 def level_mask(block, level):
     """Packed word with a 1 in every bit that a level judges."""
-    names, word = compared_names(block, level), 0
-    for name, port in result_pairs(block):
-        word = word << port.width | ((1 << port.width) - 1) * (name in names)
+    port_names, word = compared_port_names(block, level), 0
+    for name, port in result_port_pairs(block):
+        word = word << port.width | ((1 << port.width) - 1) * (name in port_names)
     return word
 
 
-def slices(ports):
+def slices(port_pairs):
     """(name, port, msb, lsb) of ports packed side by side, the first in the most significant bits."""
-    remaining_bits = sum(port.width for _, port in ports)
-    for name, port in ports:
+    remaining_bits = sum(port.width for _, port in port_pairs)
+    for name, port in port_pairs:
         yield name, port, remaining_bits - 1, remaining_bits - port.width
         remaining_bits -= port.width
 
 
-def total_width(ports):
-    return sum(port.width for _, port in ports)
+def total_width(port_pairs):
+    return sum(port.width for _, port in port_pairs)
 
 
 def input_ports(block):
@@ -108,9 +108,9 @@ def constants(block, count):
         ("RESET_CYCLES", RESET_CYCLES),
         ("HALF_PS", half_ps(block)),
         ("IN_WIDTH", total_width(input_ports(block))),
-        ("OUT_WIDTH", total_width(result_pairs(block))),
+        ("OUT_WIDTH", total_width(result_port_pairs(block))),
     ]
     entries += [(f"W_{name}", port.width) for name, port in input_ports(block)]
-    entries += [(f"W_{name}", port.width) for name, port in result_pairs(block)]
+    entries += [(f"W_{name}", port.width) for name, port in result_port_pairs(block)]
     entries += [(f"LATENCY_{name}", clocks) for name, clocks in block.latency.items() if isinstance(clocks, int)]
     return entries

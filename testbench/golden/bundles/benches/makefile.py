@@ -55,7 +55,7 @@ def core(block, case, words=("stim", "exp", "mask")):
     kinds = {f"LEVEL_{level.upper()}": "bool, paramtype: vlogdefine" for level in block_levels(block)[:-1]}
     if "mask" not in words:
         kinds = {"FRAMES": "int, paramtype: plusarg"}
-    parameter_lines = "".join(f"  {name}: {{datatype: {kind}}}\n" for name, kind in kinds.items())
+    core_parameter_lines = "".join(f"  {name}: {{datatype: {kind}}}\n" for name, kind in kinds.items())
     return f"""CAPI=2:
 name: gyro:golden:{core_name(block, case)}:1.0.0
 description: golden vectors of {stem}/{case}; the design is the core gyro:design:{stem}
@@ -65,7 +65,7 @@ filesets:
       - params.vh: {{file_type: verilogSource, is_include_file: true}}
       - tb_{stem}.v: {{file_type: verilogSource-2005}}
 {copied}    depend: [gyro:design:{stem}]
-{"parameters:" + chr(10) + parameter_lines if parameter_lines else ""}targets:
+{"parameters:" + chr(10) + core_parameter_lines if core_parameter_lines else ""}targets:
   default: &default
     filesets: [bench]
   sim:

@@ -5,11 +5,11 @@ Source  docs/golden.md (rows)
 
 from testbench.golden.bundles.benches.layout import (
     REPORTED_ROWS,
-    compared_names,
+    compared_port_names,
     input_ports,
     level_mask,
-    ports_text,
-    result_pairs,
+    port_count_text,
+    result_port_pairs,
     rom_parameters,
     set_params,
     slices,
@@ -27,19 +27,19 @@ def dut_instance(block, case, inputs):
     generics = [f".{name}(P_{name})" for name in (*block.design_keys, *(n for n, _, _ in set_params(block, case)))]
     generics += [f'.{name}("{path}")' for name, path in rom_parameters(block).items()]
     ports = [".clk(clk)", *(f".{name}({inputs(name)})" for name, _ in input_ports(block))]
-    pins, outputs = (compared_names(block, level) for level in ("pins", "outputs"))
+    pins, outputs = (compared_port_names(block, level) for level in ("pins", "outputs"))
     ports += [f".{name}({name})" for name in pins]
-    output_lines = [f"        , .{name}({name})" for name in outputs if name not in pins]
-    register_lines = [f"        , .{name}({name})" for name, _ in result_pairs(block) if name not in outputs]
-    joined = "\n".join([",\n        ".join(ports), "`ifndef LEVEL_PINS", *output_lines, "`ifndef LEVEL_OUTPUTS",
-                        *register_lines, "`endif", "`endif"])  # fmt: skip
+    output_connections = [f"        , .{name}({name})" for name in outputs if name not in pins]
+    register_connections = [f"        , .{name}({name})" for name, _ in result_port_pairs(block) if name not in outputs]
+    joined = "\n".join([",\n        ".join(ports), "`ifndef LEVEL_PINS", *output_connections, "`ifndef LEVEL_OUTPUTS",
+                        *register_connections, "`endif", "`endif"])  # fmt: skip
     head = f"{block.module} #(\n        {(',' + chr(10) + '        ').join(generics)}\n    ) dut" if generics else ""
     return f"    {head or block.module + ' dut'} (\n        {joined}\n    );"
 
 
 def verilog_bench(block, case):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
-    inputs, result_ports = input_ports(block), result_pairs(block)
+    inputs, result_ports = input_ports(block), result_port_pairs(block)
     nets = [f"    wire {span(p.width)}s_{n} = now[{hi}:{lo}];" for n, p, hi, lo in slices(inputs)]
     nets += [f"    wire {span(p.width)}{n};" for n, p in result_ports]
     shows = [
@@ -60,5 +60,5 @@ def verilog_bench(block, case):
             f"mask_{level}": f"{total_width(result_ports)}'h{level_mask(block, level):x}"
             for level in ("pins", "outputs")
         },
-        **{f"counted_{level}": ports_text(block, level) for level in ("pins", "outputs", "registers")},
+        **{f"counted_{level}": port_count_text(block, level) for level in ("pins", "outputs", "registers")},
     )

@@ -15,11 +15,11 @@ def cocotb_test(block, case):
     """cocotb test (1.9 and 2) that is its own runner: RTL=folder python3 test_top.py."""
     stem = block.stem
     slices, _ = sent_slices(block.record)
-    size, fields = adc_serial.WORD_BITS * adc_serial.WORDS, []
+    size, field_expressions = adc_serial.WORD_BITS * adc_serial.WORDS, []
     for high, low in slices:
         size -= high - low + 1
-        fields.append(f"(word >> {low} & {2 ** (high - low + 1) - 1:#x}) << {size}")
-    width = sum(p.width for _, p in benches.result_pairs(block))
+        field_expressions.append(f"(word >> {low} & {2 ** (high - low + 1) - 1:#x}) << {size}")
+    width = sum(p.width for _, p in benches.result_port_pairs(block))
     return fill_template(
         "top_test.py.in",
         stem=stem,
@@ -27,7 +27,7 @@ def cocotb_test(block, case):
         sources=repr((*PARTS[stem], stem)),
         default_frames=DEFAULT_FRAMES["cocotb"],
         half_ps=benches.half_ps(block),
-        sent=" | ".join(fields) if fields[1:] else "word & ((1 << WORD_BITS) - 1)",
+        sent=" | ".join(field_expressions) if field_expressions[1:] else "word & ((1 << WORD_BITS) - 1)",
         word_bits=adc_serial.WORD_BITS * adc_serial.WORDS,
         pulse=adc_serial.PULSE,
         row_bits=signature.padded_width(width),

@@ -42,7 +42,7 @@ def constants(design, counts):
     ]
 
 
-class PinCondition(NamedTuple):
+class PinValidity(NamedTuple):
     """When a bench judges a pin; elsewhere it takes 0 for it, as rows and signatures do.
 
     chip    (RTL port that selects the chip, low; RTL port that says that SCLK runs) of a data pin, or None
@@ -53,17 +53,17 @@ class PinCondition(NamedTuple):
     clocks: int
 
 
-def pin_conditions(block, clocks=None):
+def pin_validities(block, clocks=None):
     """{RTL port: PinCondition} of the pins that are not judged in every clock: of a bundle of the pins alone.
 
     clocks  {pin: clocks that it comes later}
     """
-    conditions = {}
+    validity_by_port = {}
     for pin in () if block.registers else block.pins:
-        chip, delay = READ.get(pin.name), (clocks or {}).get(pin.name, 0)
-        if chip or delay:
-            conditions[f"o_{pin.name}"] = PinCondition(chip and tuple(f"o_{name}" for name in chip), delay)
-    return conditions
+        chip, delay_clocks = READ.get(pin.name), (clocks or {}).get(pin.name, 0)
+        if chip or delay_clocks:
+            validity_by_port[f"o_{pin.name}"] = PinValidity(chip and tuple(f"o_{name}" for name in chip), delay_clocks)
+    return validity_by_port
 
 
 def sent_slices(design):

@@ -8,12 +8,12 @@ Source  docs/golden.md (the whole design), testbench/golden/recording/signature.
 from testbench.golden.bundles import benches
 from testbench.golden.bundles.benches import REPORTED_ROWS
 from testbench.golden.bundles.benches.template import fill_template
-from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, pin_conditions, sent_slices
+from testbench.golden.bundles.top_benches.layout import CLOCK_BITS, GROUP, PART_BITS, pin_validities, sent_slices
 from testbench.golden.bundles.top_benches.layout import chunks as chunks_of
 from testbench.golden.recording import signature
 
 
-def _row_chunks(ports, row_bits):
+def _row_chunk_expressions(ports, row_bits):
     """Chunks of a row as concatenations of slices of ports, from the left; zeros in front of the first port."""
     first, more = chunks_of(row_bits)
     parts = [("{width}'d0", row_bits - sum(p.width for _, p in ports), 0)] + [(n, p.width, 1) for n, p in ports]
@@ -44,7 +44,7 @@ def _concatenate_ports(names):
 def _verilog_append(result_ports, row_bits):
     """Statements that append the ports to the signature: for Verilator, and for the others."""
     first, _ = chunks_of(row_bits)
-    head, *further_chunks = _row_chunks(result_ports, row_bits)
+    head, *further_chunks = _row_chunk_expressions(result_ports, row_bits)
     keep, size = 64 - first, 64 * signature.WORDS
     two, eight = _backs()
     low = row_bits + two + eight
@@ -94,14 +94,14 @@ def _sent(design):
 
 def _nets(block, clocks):
     """Declarations of what the design shows; a pin that is not judged in every clock has a second net."""
-    masked, lines = pin_conditions(block, clocks), []
-    most = max((condition.clocks for condition in masked.values()), default=0)
+    masked, lines = pin_validities(block, clocks), []
+    most = max((validity.clocks for validity in masked.values()), default=0)
     if most:
         lines += [
             f"    reg [{most.bit_length() - 1}:0] age = 0;  // clocks since a reset",
             f"    always @(posedge clk) age <= rst ? 0 : age == {most} ? age : age + 1;",
         ]
-    for n, p in benches.result_pairs(block):
+    for n, p in benches.result_port_pairs(block):
         if n not in masked:
             lines.append(f"    wire {benches.span(p.width)}{n};")
             continue
@@ -118,14 +118,14 @@ def _nets(block, clocks):
 def _instance(block, case, clocks):
     """Instance `dut` with these nets."""
     text = benches.dut_instance(block, case, lambda name: name)
-    for n in pin_conditions(block, clocks):
+    for n in pin_validities(block, clocks):
         text = text.replace(f".{n}({n})", f".{n}({n}_pin)")
     return text
 
 
 def verilog_bench(block, case, counts, clocks=None):
     """Self-checking Verilog bench; needs a simulator with delays, nothing else."""
-    result_ports = benches.result_pairs(block)
+    result_ports = benches.result_port_pairs(block)
     inputs = [(p.name, p) for p in block.columns]
     row_bits, size = signature.padded_width(counts["out_width"]), 64 * signature.WORDS
     two, eight = _backs()
@@ -134,8 +134,8 @@ def verilog_bench(block, case, counts, clocks=None):
     shows = [
         f"            if ({n} !== {want}[{hi}:{lo}])\n"
         f'                $display("clock %0d: {n}: expected %0h, got %0h (hex)", n, {want}[{hi}:{lo}], {n});'
-        for want, ports in (("fed", inputs), ("want", result_ports))
-        for n, p, hi, lo in benches.slices(ports)
+        for want, port_pairs in (("fed", inputs), ("want", result_ports))
+        for n, p, hi, lo in benches.slices(port_pairs)
     ]
     return fill_template(
         "top.v.in",
@@ -165,12 +165,12 @@ def verilog_bench(block, case, counts, clocks=None):
 
 def cocotb_top(block, case, clocks=None):
     """The design with the case's parameters as the top level of cocotb; all results side by side, in parts."""
-    result_ports = benches.result_pairs(block)
+    result_ports = benches.result_port_pairs(block)
     width = sum(p.width for _, p in result_ports)
     parts = range(-(-width // PART_BITS))
     assigns = [f"    assign got_{k} = got[{PART_BITS * (k + 1) - 1}:{PART_BITS * k}];" for k in parts]
-    ports = ["    input wire clk", *(f"    input wire {benches.span(p.width)}{p.name}" for p in block.columns)]
-    ports += [
+    port_lines = ["    input wire clk", *(f"    input wire {benches.span(p.width)}{p.name}" for p in block.columns)]
+    port_lines += [
         "    output wire adc_cs_n",
         "    output wire adc_sclk",
         *(f"    output wire [{PART_BITS - 1}:0] got_{k}" for k in parts),
@@ -179,7 +179,7 @@ def cocotb_top(block, case, clocks=None):
     return f"""// {block.stem}/{case} with its parameters set
 `timescale 1ps/1ps
 module cocotb_{block.stem} (
-{("," + chr(10)).join(ports)}
+{("," + chr(10)).join(port_lines)}
 );
     `include "params.vh"
 

@@ -23,7 +23,7 @@ def _smooth(x, s):
     return [(x**k, 0, 0) for k in range(4)]
 
 
-def _pole_terms(x, s):
+def _two_pole_terms(x, s):
     return [*_smooth(x, s)[:3], (x * s, x, 0), (x * x * s, x * x, 0)]
 
 
@@ -33,7 +33,7 @@ def _bent(x, s):
     return [*_smooth(x, s)[:3], (x * s, x, 0), *cubic]
 
 
-CURVES = ((4, _smooth), (5, _pole_terms), (7, _bent))
+CURVES = ((4, _smooth), (5, _two_pole_terms), (7, _bent))
 
 
 def _around(n, half):
@@ -54,23 +54,27 @@ def _off(f, s, half, terms):
     x = x / np.max(np.abs(x), axis=1, keepdims=True)
     middle = s[rows].mean(axis=1, keepdims=True)
     size = np.maximum(np.max(np.abs(s[rows] - middle), axis=1), 1e-300)
-    neighbours, centre = (s[rows] - middle) / size[:, None], (s[:, None] - middle) / size[:, None]
-    a, by_s, by_c = _stack_terms(terms(x, neighbours), neighbours)
+    scaled_neighbours, scaled_centre = (s[rows] - middle) / size[:, None], (s[:, None] - middle) / size[:, None]
+    a, by_s, by_c = _stack_terms(terms(x, scaled_neighbours), scaled_neighbours)
     weight = np.ones(x.shape)
     for _ in range(2):
         used = weight
         scaled = a * used[..., None]
         norm = np.maximum(np.linalg.norm(scaled, axis=1), 1e-300)
         inverse = np.linalg.pinv(scaled / norm[:, None], rcond=1e-9)
-        c = ((inverse @ (neighbours * used)[..., None])[..., 0] / norm)[..., None]
+        c = ((inverse @ (scaled_neighbours * used)[..., None])[..., 0] / norm)[..., None]
         slope = np.abs(1 - (by_s @ c)[..., 0]) + np.abs((by_c @ c)[..., 0])
         weight = 1 / np.maximum(slope, 1e-3)
-    residual = (neighbours - (a @ c)[..., 0]) * used
+    residual = (scaled_neighbours - (a @ c)[..., 0]) * used
     neighbour_rms = np.linalg.norm(residual, axis=1) / np.sqrt(a.shape[1] - a.shape[2])
-    a, by_s, by_c = _stack_terms(terms(np.zeros(centre.shape), centre), centre)
+    a, by_s, by_c = _stack_terms(terms(np.zeros(scaled_centre.shape), scaled_centre), scaled_centre)
     added = np.linalg.norm((a / norm[:, None]) @ inverse, axis=(1, 2))
     slope = (np.abs(1 - (by_s @ c)[..., 0]) + np.abs((by_c @ c)[..., 0]))[:, 0]
-    return np.abs(centre - (a @ c)[..., 0])[:, 0] / slope * size, neighbour_rms * size, np.hypot(1, added / slope)
+    return (
+        np.abs(scaled_centre - (a @ c)[..., 0])[:, 0] / slope * size,
+        neighbour_rms * size,
+        np.hypot(1, added / slope),
+    )
 
 
 def off_curve(f, s, floor=0.0):

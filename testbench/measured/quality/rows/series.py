@@ -15,7 +15,7 @@ TAPS = 8
 MOST_FITTED = 5_000
 MOST_STEPS = 300  # between values that a grid is found from; all values must lie on it
 HALF = 40  # rows on either side that give a scale
-PACE_ROWS = 11  # changes around a row: how fast it moves there
+PACE_WINDOW_ROWS = 11  # changes around a row: how fast it moves there
 SURE = 4.0  # robust sd beyond the largest of as many normal values
 
 
@@ -26,7 +26,7 @@ def grid_step(v):
         return 0.0
     error = np.finfo(float).eps * np.max(np.abs(distinct))
     printed = _decimal(distinct, error)
-    return max(_estimate_grid(distinct, error), _estimate_grid(distinct, max(error, 0.6 * printed)), printed)
+    return max(_estimate_grid_step(distinct, error), _estimate_grid_step(distinct, max(error, 0.6 * printed)), printed)
 
 
 def _fits(distinct, step, error):
@@ -39,22 +39,22 @@ def _decimal(distinct, error):
     return next((10.0**k for k in exponents if 10.0**k > 30 * error and _fits(distinct, 10.0**k, error)), 0.0)
 
 
-def _estimate_grid(distinct, error):
-    size, its, steps = 0.0, error, np.diff(distinct)
+def _estimate_grid_step(distinct, error):
+    step_estimate, its, steps = 0.0, error, np.diff(distinct)
     steps = steps[steps > 3 * error]
     if not len(steps):
         return 0.0
     steps = steps[:: max(1, len(steps) // MOST_STEPS)]
     small = np.diff(np.sort(steps))  # steps differ by few of the grid, so that their errors stay small
     for step in (*small[small > 6 * error], *steps):
-        size, its = _common((size, its), (float(step), error))
-        if size < 30 * its or size < 100 * error:
+        step_estimate, its = _common((step_estimate, its), (float(step), error))
+        if step_estimate < 30 * its or step_estimate < 100 * error:
             return 0.0
     span = distinct - distinct[0]
     for end in np.geomspace(1, len(distinct) - 1, 30).astype(int):  # many steps add up the error of one
-        if span[end] > size / 2:
-            size = span[end] / round(span[end] / size)
-    return float(size) if _fits(span, size, error) else 0.0
+        if span[end] > step_estimate / 2:
+            step_estimate = span[end] / round(span[end] / step_estimate)
+    return float(step_estimate) if _fits(span, step_estimate, error) else 0.0
 
 
 def _common(a, b):
@@ -120,8 +120,8 @@ def running_measure(v, measure, half=HALF):
     """(n,) `measure` of the values around each row."""
     n = len(v)
     half = max(half, n // 200)
-    size = 2 * half + 1
-    if n <= size:
+    window_rows = 2 * half + 1
+    if n <= window_rows:
         return np.full(n, measure(v))
     centres = np.unique(np.clip(np.arange(half, n + half, half), half, n - half - 1))
     return np.interp(np.arange(n), centres, [measure(v[c - half : c + half + 1]) for c in centres])
@@ -148,8 +148,12 @@ def ties_expected(v):
     if np.any(change == 0):  # ties are those of a grid, of one that floats where there is none for all
         step = np.maximum(step, local_step(v)[:-1])
     step = np.maximum(step, 1e-6 * running_scale(change))
-    pace = uniform_filter1d(change, PACE_ROWS, mode="nearest") / step  # of steps; of noise, or of a slow course
-    p = np.maximum.reduce([1 - pace, 1 / (3.1 * np.maximum(pace, 0.1)), step / (3.5 * running_scale(change))])
+    pace_in_steps = (
+        uniform_filter1d(change, PACE_WINDOW_ROWS, mode="nearest") / step
+    )  # of steps; of noise, or of a slow course
+    p = np.maximum.reduce(
+        [1 - pace_in_steps, 1 / (3.1 * np.maximum(pace_in_steps, 0.1)), step / (3.5 * running_scale(change))]
+    )
     return float(np.sum(np.minimum(1.0, p)))
 
 

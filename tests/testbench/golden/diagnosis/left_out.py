@@ -90,7 +90,7 @@ def of_classes(block):
     def ahead(node):
         return node.op == "ahead" or (node.id >= block.net.model_size and any(ahead(a) for a in node.args))
 
-    seen, found = Rows(block.net, block.leaves, len(block.inputs["rst"])).value_range, collections.defaultdict(list)
+    seen, found = Rows(block.net, block.leaves, len(block.inputs["rst"])).observed_range, collections.defaultdict(list)
     for node in block.net.nodes[: block.net.model_size]:
         for h in perturb.node_hypotheses(block.net, node, seen) if node.args or node.op in ("reg", "in") else ():
             if not ahead(h.by):

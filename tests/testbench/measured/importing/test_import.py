@@ -87,7 +87,7 @@ def test_five_columns_become_a_record_with_the_boards_own_words(board, tmp_path)
     text = " ".join(found.lines)
     assert f"locked from {lock / 8000:.4g} s on" in text
     assert "power-on: frame 0 is row 1, the last in which no channel has a conversion" in text
-    assert json.loads(found.record.attrs[assemble.IMPORT_LINES]) == list(found.lines)
+    assert json.loads(found.record.attrs[assemble.IMPORT_ATTRIBUTE]) == list(found.lines)
     s = found.record.tables["segments"]
     assert s["kind"].data.tolist() == ["startup", "warmup"]  # too short for a dwell
     assert s["edge_b"].data.tolist() == [FRAME_CYCLES * lock, FRAME_CYCLES * len(board["state"])]
@@ -255,7 +255,7 @@ def test_dwells_begin_at_steps_of_a_settled_board_and_behind_a_settling_elsewher
         dwells.track([(0, 0.0), (4, 50.0), (8, -50.0)]), fixed, dwells.track([(0, 5.0), (12, 5.5)]), fixed
     )
     locked = np.arange(8000 * 20) >= 8000
-    parts = dwells.find_parts(tracks, locked, Dwells(settle_s=2.0, longest_s=3.0, held_out=[2]))
+    parts = dwells.find_segments(tracks, locked, Dwells(settle_s=2.0, longest_s=3.0, held_out=[2]))
     assert all(a.end == b.first for a, b in itertools.pairwise(parts))
     assert (parts[0].first, parts[-1].end) == (0, 8000 * 20)
     # behind lock 3 s .. 4 s is shorter than the others and no dwell
@@ -286,7 +286,7 @@ def determined(frames):
 
 def test_a_dwell_alone_is_as_long_as_the_draws_of_the_noise_determine():
     fixed = dwells.track(0.0)
-    parts = dwells.find_parts(dwells.Tracks(fixed, fixed, fixed, fixed), np.ones(80_000, bool), Dwells())
+    parts = dwells.find_segments(dwells.Tracks(fixed, fixed, fixed, fixed), np.ones(80_000, bool), Dwells())
     (dwell,) = (p for p in parts if p.kind == "dwell")
     assert dwell.end - dwell.first == dwells.SINGLE_DWELL_FRAMES
     assert determined(dwells.SINGLE_DWELL_FRAMES)
@@ -298,7 +298,7 @@ def test_a_dwell_ends_where_the_lock_is_lost():
     fixed = dwells.track(0.0)
     locked = np.arange(8000 * 20) >= 8000
     locked[8000 * 9 : 8000 * 10] = False
-    parts = dwells.find_parts(dwells.Tracks(fixed, fixed, fixed, fixed), locked, Dwells(settle_s=2.0, longest_s=5.0))
+    parts = dwells.find_segments(dwells.Tracks(fixed, fixed, fixed, fixed), locked, Dwells(settle_s=2.0, longest_s=5.0))
     assert [(p.first / 8000, p.end / 8000) for p in parts if p.kind == "dwell"] == [(3.0, 8.0), (12.0, 17.0)]
 
 
@@ -365,7 +365,7 @@ def test_a_wrong_register_does_not_lock_and_is_told(board, tmp_path):
 def test_r1_of_an_imported_record_has_the_words_to_the_clock(board, tmp_path):
     (tmp_path / "map.toml").write_text(MAP + columns() + DWELL)
     paths = [csv(tmp_path / f"{k}.csv", made(board)) for k in range(2)]
-    assert residuals.study_record(assemble.import_files(paths, tmp_path / "map.toml").record, "R1").exact_words
+    assert residuals.study_residuals(assemble.import_files(paths, tmp_path / "map.toml").record, "R1").exact_words
 
 
 def test_a_late_start_with_its_words_can_be_traced(board, tmp_path, monkeypatch):

@@ -36,7 +36,7 @@ def test_words_from_the_codes_alone_are_those_that_the_board_had(small, tmp_path
         assert np.array_equal(have.data[rows], wanted.data[rows]), name
     # the compensated rate needs the temperature
     assert small.streams.keys() - found.streams.keys() == {"adc_ok", "adc_temperature", "rate_output"}
-    assert firmware_words.missing_streams(found) == ()
+    assert firmware_words.missing_replayed_streams(found) == ()
 
 
 def test_what_tracing_needs_is_named():
@@ -63,8 +63,8 @@ def test_r1_of_another_firmware_takes_the_recorded_words(own):
     """With its states unknown the kick of the start-up is missing; behind it nothing else is."""
     own.attrs["regmap_sha256"] = "0" * 64
     own.streams.pop("state")
-    study = residuals.study_record(own, "R1")
+    study = residuals.study_residuals(own, "R1")
     assert not study.exact_words
     assert {row.observable for row in study.rows} == set(schema.ADC)
     with pytest.raises(ConfigError, match="R2: regmap_sha256 is another firmware's"):
-        residuals.study_record(own, "R2")
+        residuals.study_residuals(own, "R2")

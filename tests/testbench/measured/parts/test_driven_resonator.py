@@ -81,7 +81,7 @@ def record(folder, name, force, seed, samples=7000):
 )
 def test_a_planted_law_is_found_under_any_file_name(tmp_path, force, law, value):
     problem = driven_resonator.opener([record(tmp_path, "anything", force, 2)], {})
-    found = exam.run_stages(problem, 1)
+    found = exam.run_staged_search(problem, 1)
     (effect,) = found.json["effects"]
     assert effect["law"] == law
     assert abs(effect["value"] - value) < 0.05 * value

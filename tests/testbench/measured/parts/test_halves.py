@@ -67,7 +67,7 @@ def halves(set_name, paths, options, folder):
 def coefficients(problem, names):
     """{coefficient: (value, stated sd)} of the laws that a problem has, fitted together."""
     names = [name for name in names if name in problem.laws_by_name()]
-    fit = exam.fit_stages(problem, names)[-1] if isinstance(problem, Part) else fitted(problem, names)
+    fit = exam.fit_nested_laws(problem, names)[-1] if isinstance(problem, Part) else fitted(problem, names)
     own, sd = {n.name for n in problem.nuisances}, exam_intervals.stated_sd(fit)
     found = enumerate(n.name for n in fit.model.problem.nuisances)
     return {n: (float(fit.point.theta[k]), float(sd[k])) for k, n in found if n not in own}

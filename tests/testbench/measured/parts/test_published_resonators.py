@@ -75,7 +75,7 @@ def test_names_of_files_and_folders_change_nothing(tmp_path):
     copies = [tmp_path / f"recording{k}.bin" for k in range(len(paths))]
     for a, b in zip(paths, copies):
         shutil.copyfile(a, b)
-    first, second = (exam.run_stages(open_problem(p, options)).json for p in (paths, copies))
+    first, second = (exam.run_staged_search(open_problem(p, options)).json for p in (paths, copies))
     assert json.dumps(first, sort_keys=True) == json.dumps(second, sort_keys=True)
 
 

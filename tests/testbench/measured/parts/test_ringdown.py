@@ -61,7 +61,7 @@ def test_the_envelope_is_the_plants_mode_with_the_same_law(text, name, exponent)
 def test_a_planted_law_is_found_under_any_file_name(tmp_path, law, c):
     names = ("b.txt", "no_name", "a.dat", "measID_9_sampleID_else.txt")
     paths = runs(tmp_path, names, LAWS[law](c), 5)
-    found = exam.run_stages(ringdown.opener(paths, {}))
+    found = exam.run_staged_search(ringdown.opener(paths, {}))
     assert [e["law"] for e in found.json["effects"]][:1] == [law]
     effect = found.json["effects"][0]
     assert abs(effect["value"] - c) < 5 * effect["sd"]
@@ -76,7 +76,7 @@ def test_nothing_is_found_where_nothing_is(tmp_path):
         folder = tmp_path / str(seed)
         folder.mkdir()
         paths = runs(folder, ("a", "b", "c", "d"), lambda p: 0.0 * p, 100 + seed)
-        assert exam.run_stages(ringdown.opener(paths, {})).json["effects"] == []
+        assert exam.run_staged_search(ringdown.opener(paths, {})).json["effects"] == []
 
 
 def clean(folder, seed):
@@ -98,7 +98,7 @@ def test_of_fifty_clean_ring_downs_nearly_all_are_accepted_and_hardly_one_alarms
             problem = ringdown.opener([clean(tmp_path, seed)], {})
         except FileError:
             continue
-        found = exam.run_stages(problem).json
+        found = exam.run_staged_search(problem).json
         accepted += 1
         alarmed += [seed] if found["verdict"] != "none" else []
         named += found["effects"]

@@ -51,12 +51,12 @@ def test_a_mode_of_20_sigma_is_found_with_its_frequency_and_width(tmp_path):
 def test_with_the_mode_nothing_is_missing_and_without_it_something_is(tmp_path, monkeypatch):
     problem = opened(tmp_path, 3, 20.0)
     assert any("a second mode at" in note for note in problem.notes)
-    found = exam.run_stages(problem, 1).json
+    found = exam.run_staged_search(problem, 1).json
     assert (found["verdict"], found["effects"]) == ("none", [])
     monkeypatch.setattr(second_mode, "ALPHA", 1e-200)
     blind = opened(tmp_path, 3, 20.0)
     assert blind.second is None
-    assert exam.run_stages(blind, 1).json["p_global"] < 0.01
+    assert exam.run_staged_search(blind, 1).json["p_global"] < 0.01
 
 
 def test_one_file_chooses_on_the_rows_that_are_fitted(tmp_path):
@@ -92,5 +92,5 @@ def test_40_single_modes_raise_no_alarm(tmp_path):
     """At most 2 % of them: of 40, none."""
     for seed in range(40):
         problem = opened(tmp_path, seed)
-        found = exam.run_stages(problem, 1).json
+        found = exam.run_staged_search(problem, 1).json
         assert (problem.second, found["verdict"], found["effects"]) == (None, "none", []), seed

@@ -20,7 +20,7 @@ class _Problem(PartProblem):
 
 
 def _fitted(monkeypatch, values):
-    """Every fit of `_drop_weak` finds these values, with deviations of 1."""
+    """Every fit of `_drop_weak_laws` finds these values, with deviations of 1."""
 
     class Tracer:
         def __init__(self, problem, *_):
@@ -46,7 +46,7 @@ def _fitted(monkeypatch, values):
 )
 def test_a_law_goes_for_its_own_size_and_takes_no_namesake_along(monkeypatch, values, left):
     _fitted(monkeypatch, values)
-    assert staged._drop_weak(_Problem(), [PLAIN, LATE], None) == left
+    assert staged._drop_weak_laws(_Problem(), [PLAIN, LATE], None) == left
 
 
 def test_a_law_that_makes_held_out_data_worse_goes_and_another_stays():
@@ -68,8 +68,8 @@ def test_a_law_that_makes_held_out_data_worse_goes_and_another_stays():
         for name, share in (("good", 0.9), ("bad", 1.1))
     ]
     quick = staged.Options(max_laws=1, n_null=199, power=False, experiments=False)
-    assert staged._drop_worsening(problem, ["bad"], rounds, quick) == []
-    assert staged._drop_worsening(problem, ["good"], rounds, quick) == ["good"]
+    assert staged._drop_harmful_laws(problem, ["bad"], rounds, quick) == []
+    assert staged._drop_harmful_laws(problem, ["good"], rounds, quick) == ["good"]
 
 
 def test_stated_deviations_know_a_rest_that_is_no_noise():

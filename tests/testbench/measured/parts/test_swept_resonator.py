@@ -49,7 +49,7 @@ def sweeps(folder, names, seed, **law):
     ],
 )
 def test_a_planted_law_is_found_under_any_file_name(tmp_path, law, name, value):
-    found = exam.run_stages(swept_resonator.opener(sweeps(tmp_path, ("q.s2p", "no_name"), 3, **law), {}), 1)
+    found = exam.run_staged_search(swept_resonator.opener(sweeps(tmp_path, ("q.s2p", "no_name"), 3, **law), {}), 1)
     (effect,) = found.json["effects"]
     assert effect["law"] == name
     assert abs(effect["value"] - value) < 0.01 * value
@@ -60,7 +60,7 @@ def test_nothing_is_found_where_nothing_is(tmp_path):
     for seed in range(4):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        found = exam.run_stages(swept_resonator.opener(sweeps(folder, ("a", "b"), seed), {}), 1)
+        found = exam.run_staged_search(swept_resonator.opener(sweeps(folder, ("a", "b"), seed), {}), 1)
         assert found.json["effects"] == []
 
 
@@ -118,7 +118,7 @@ def test_what_two_sweeps_do_not_share_is_their_repeatability(tmp_path, phase):
         s = s + added + 0.02 - 0.01 * n
         paths.append(recordings.touchstone(tmp_path / str(n), F, s, date=f"2025-01-0{n + 1} 10:00"))
     problem = swept_resonator.opener(paths, {})
-    values = problem.nuisance_values(exam.fit_stages(problem, ["sweep_rate"])[-1].point.theta)
+    values = problem.nuisance_values(exam.fit_nested_laws(problem, ["sweep_rate"])[-1].point.theta)
     (found,) = problem.repeatability(values, {"sweep_rate": 800.0}).values()
     expected = pytest.approx(1e3 * np.sqrt(np.mean(apart) / 2), rel=0.25)
     assert found == expected

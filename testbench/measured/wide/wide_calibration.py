@@ -21,9 +21,9 @@ class Calibrated:
     def __call__(self, data, model, record, bench):
         declared = parameters.read_parameters(record) if len(record.tables["priors"]["param"].data) else ()
         if self.priors:
-            path = data_sheet.BUNDLED_SHEET if self.priors == data_sheet.BUNDLED_NAME else Path(self.priors)
+            path = data_sheet.BUNDLED_PATH if self.priors == data_sheet.BUNDLED_NAME else Path(self.priors)
             declared = data_sheet.parameters(model, data_sheet.read(path), declared)
         if not data_sheet.wide(declared):
             return (model, declared, ()) if self.priors else None
-        result = estimate(data, model, declared, bench, self.progress)
-        return result.config, result.parameters, result.lines()
+        board_estimate = estimate(data, model, declared, bench, self.progress)
+        return board_estimate.config, board_estimate.parameters, board_estimate.lines()
