@@ -62,7 +62,7 @@ def _module_file(name):
 
 
 @functools.cache
-def imported_files(path):
+def direct_imports(path):
     """Our own source files that the file `path` imports, with the packages above them."""
     source_files = set()
     for module, names, plain in IMPORT.findall(path.read_text()):
@@ -84,7 +84,7 @@ def kernel_sources(path):
         file = ahead.pop()
         if file not in source_files:
             source_files.add(file)
-            ahead.extend(imported_files(file))
+            ahead.extend(direct_imports(file))
     return tuple(sorted(source_files))
 
 

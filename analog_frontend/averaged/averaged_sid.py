@@ -99,12 +99,12 @@ def decay(u):
 
 
 @inlined
-def switching_clock(p, crossed):
-    """When the switch follows a reference phase that enters a new half turn before clock `crossed`; lanes."""
+def switch_edge_clock(p, crossing_clock):
+    """When the switch follows a reference phase that enters a new half turn before clock `crossing_clock`; lanes."""
     if p.retimed:
         # half a clock off, so that the product cannot pass a whole number by its rounding
-        return ceiling((crossed + (p.delay - 0.5)) * p.inverse_tick) * p.tick_clocks + p.switch
-    return crossed + (p.delay - 1.0 + p.switch)
+        return ceiling((crossing_clock + (p.delay - 0.5)) * p.inverse_tick) * p.tick_clocks + p.switch
+    return crossing_clock + (p.delay - 1.0 + p.switch)
 
 
 @inlined
@@ -150,7 +150,7 @@ def _inject_switch_charge(p, sign, grown):
 
 
 @inlined
-def _area_and_slope(p, sign, u, grown, h2, h3):
+def _output_area_slope(p, sign, u, grown, h2, h3):
     """Area under the output since the last edge / RC, and its slope times 2 RC."""
     _, a2, a3, area = grown
     return sign * (area - h3 * u), sign * ((a2 - h2) - (a3 - h3) * p.steeper)
@@ -175,7 +175,7 @@ def _two_edges(p, s, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_
     inverse = select_lanes(one, first, splat(old[1]), splat(new[1]))
     base = select_lanes(one, first, zero, splat(new[2]))
     ahead = select_lanes(one, first, join_lanes(phase_gap_old, phase_gap_old), ahead)
-    t = switching_clock(p, base + ceiling(ahead * inverse))
+    t = switch_edge_clock(p, base + ceiling(ahead * inverse))
     past = (t - base) * word - ahead
     waited = join_lanes(waiting, splat4(0.0))
     t = select_lanes(one, waited, join_lanes(waits, waits), t)
@@ -189,7 +189,9 @@ def _two_edges(p, s, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_
     r1, r2, r3 = join_lanes(r1, h1 - low(w1)), join_lanes(r2, h2 - low(w2)), join_lanes(r3, h3 - low(w3))
     grown = _advance_closed_group(swept, r1, r2, r3)
     b1, b2, b3 = _inject_switch_charge(p, signs, grown)
-    interval_area, slope = _area_and_slope(p, signs, swept[4], grown, join_lanes(h2, low(b2)), join_lanes(h3, low(b3)))
+    interval_area, slope = _output_area_slope(
+        p, signs, swept[4], grown, join_lanes(h2, low(b2)), join_lanes(h3, low(b3))
+    )
     pick = select_lanes(splat(p.sampled), t, select_lanes(since, splat(p.sampled - 1e-6), one, zero), zero)
     picked = select_lanes(splat4(1.0), low(pick), (area + low(interval_area), began, low(t), low(slope)), picked)
     both_areas = low(interval_area) + high(interval_area)
@@ -207,7 +209,7 @@ def _last_edge(p, s, waiting, uses_old_word, new, phase_gap_new, tilde, poles, n
     word, inverse, base = splat4(new[0]), splat4(new[1]), splat4(new[2])
     ahead = phase_gap_new + ((2.0 - waiting) - uses_old_word) * float(HALF)
     crossed = base + ceiling(ahead * inverse)
-    t = switching_clock(p, crossed)
+    t = switch_edge_clock(p, crossed)
     past = (t - base) * word - ahead
     end = splat4(p.frame_clocks)
     acts = select_lanes(t, end - 1e-6, one, zero)
@@ -217,7 +219,7 @@ def _last_edge(p, s, waiting, uses_old_word, new, phase_gap_new, tilde, poles, n
     swept = _edge_interval_terms(p, sign, closed_at, drawn, t, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
     grown = _advance_closed_group(swept, r1, r2, r3)
-    interval_area, slope = _area_and_slope(p, sign, swept[4], grown, h2, h3)
+    interval_area, slope = _output_area_slope(p, sign, swept[4], grown, h2, h3)
     pick = select_lanes(splat4(p.sampled), t, select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero), zero)
     picked = select_lanes(one, pick, (area + interval_area, began, t, slope), picked)
     a1, a2, a3 = _inject_switch_charge(p, sign, grown)
@@ -239,7 +241,7 @@ def _edge(p, s, n, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_ne
     base = select_lanes(one, first, zero, splat4(new[2]))
     ahead = select_lanes(one, first, phase_gap_old, phase_gap_new + (number - uses_old_word) * float(HALF))
     crossed = base + ceiling(ahead * inverse)
-    t = switching_clock(p, crossed)
+    t = switch_edge_clock(p, crossed)
     past = (t - base) * word - ahead
     # one whose switch has not followed in the frame before
     was_waiting = select_lanes(number, splat4(-0.5), one, zero)
@@ -252,7 +254,7 @@ def _edge(p, s, n, waiting, uses_old_word, old, new, phase_gap_old, phase_gap_ne
     swept = _edge_interval_terms(p, sign, closed_at, drawn, t_read, past, tilde, poles, total)
     w1, w2, w3 = swept[:3]
     grown = _advance_closed_group(swept, r1, r2, r3)
-    interval_area, slope = _area_and_slope(p, sign, swept[4], grown, h2, h3)
+    interval_area, slope = _output_area_slope(p, sign, swept[4], grown, h2, h3)
     # the first from `sampled` on, or the last of those before it
     pick = select_lanes(closed_at, splat4(p.sampled - 1e-6), acts, zero)
     picked = select_lanes(one, pick, (area + interval_area, began, t_read, slope), picked)

@@ -266,34 +266,34 @@ def gains(force, cv, temp_ref_degc, table, numbers, rate_rad_s, temp_degc, t_s, 
 
 
 @inlined
-def value(table, gain, k, w, row_starts, at):
-    """Law `k` from the states at w[row_starts[state] + at]."""
+def value(table, gain, k, w, state_offsets, at):
+    """Law `k` from the states at w[state_offsets[state] + at]."""
     v = gain[k]
     for j in range(FIRST, FIRST + table[k, COUNT]):
         code = table[k, j]
-        v = v * apply_dress(w[row_starts[code & 15] + at], code & 48)
+        v = v * apply_dress(w[state_offsets[code & 15] + at], code & 48)
     return v
 
 
 @inlined
-def start_state(w, row_starts, state, at, end, leads):
+def start_state(w, state_offsets, state, at, end, leads):
     """A state at a tick's first instant; of an electrode its mean about that instant."""
-    v = w[row_starts[state] + at]
+    v = w[state_offsets[state] + at]
     if state == U:
-        return v + leads[0] * (w[row_starts[U] + end] - v)
+        return v + leads[0] * (w[state_offsets[U] + end] - v)
     if state == W:
-        return v + leads[1] * (w[row_starts[W] + end] - v)
+        return v + leads[1] * (w[state_offsets[W] + end] - v)
     return v
 
 
 @inlined
-def impulses(force, table, gain, w, row_starts, at, end, leads):
+def impulses(force, table, gain, w, state_offsets, at, end, leads):
     """Impulses on vx/W and vy/W (m) of all force laws in one tick; `end` is the place of its last instant."""
     x, y = 0.0, 0.0
     for k in range(force):
         v = gain[k]
         for j in range(FIRST, FIRST + table[k, COUNT]):
-            v = v * apply_dress(start_state(w, row_starts, table[k, j] & 15, at, end, leads), table[k, j] & 48)
+            v = v * apply_dress(start_state(w, state_offsets, table[k, j] & 15, at, end, leads), table[k, j] & 48)
         if table[k, AT_PORT] == 0:
             x = x + v
         else:
@@ -302,12 +302,14 @@ def impulses(force, table, gain, w, row_starts, at, end, leads):
 
 
 @inlined
-def volts(force, cv, table, numbers, gain, w, row_starts, at, end):
+def volts(force, cv, table, numbers, gain, w, state_offsets, at, end):
     """What all C/V laws add in one tick at the two outputs (V), from the states at both of its ends."""
     x, y = 0.0, 0.0
     for k in range(force, force + cv):
         share = numbers[k, END]
-        v = (1.0 - share) * value(table, gain, k, w, row_starts, at) + share * value(table, gain, k, w, row_starts, end)
+        v = (1.0 - share) * value(table, gain, k, w, state_offsets, at) + share * value(
+            table, gain, k, w, state_offsets, end
+        )
         if table[k, AT_PORT] == 2:
             x = x + v
         else:

@@ -241,7 +241,7 @@ def _generator(device, gains, rings, amplifiers, rc):
         for n, source in enumerate((input_state, first, first + 1)):
             pole(first + n, source, MP.mpf(getattr(device, f"{name}_pole_{n + 1}_s")))
 
-    block = resonator.resonator_block(device)
+    block = resonator.resonator_matrices(device)
     for jet, entries in enumerate((block.base, block.omega, block.stiffness)):
         for (row, col), value in entries.items():
             a[MODES + row, MODES + col, jet] = value

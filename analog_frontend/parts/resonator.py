@@ -32,7 +32,7 @@ class Block(NamedTuple):
     force: dict
 
 
-def resonator_block(device):
+def resonator_matrices(device):
     """The generator's resonator block for a device already at its temperature."""
     m = MP.mpf(device.mass_kg)
     wx = 2 * MP.pi * MP.mpf(device.fx_hz)

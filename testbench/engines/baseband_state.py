@@ -171,7 +171,7 @@ def take_state(p, u, b, g, a, tick):
         # an edge that the phase has made but the switch has not followed yet
         offset = (ref_sense if c else ref_drive) + ((HALF >> 1) if d & 1 else 0)
         phase_past_edge = (phase + offset) & HALF_MASK
-        t = lane(averaged_sid.switching_clock(u.sid, splat4(-float(phase_past_edge // word))), 0)
+        t = lane(averaged_sid.switch_edge_clock(u.sid, splat4(-float(phase_past_edge // word))), 0)
         q[4 * WAITING + d] = t if t >= 0.0 else -1.0
         q[4 * PAST + d] = t * word + phase_past_edge
 

@@ -2,7 +2,7 @@
 
     blocks of all eight   up to the nearest event of any of them     block_state.ticks_to_event
         each              words, codes, edges                        block_state.advance_control, words_of_ticks
-        all together      plants, converters                         side_by_side_top.advance_lanes, _run_converters
+        all together      plants, converters                         side_by_side_top.advance_lanes, _convert_ticks
         each              frames that the converter has completed    block_state.after_ticks
     before and after      clocked ticks, gyroscope by gyroscope      frame.enter_block_mode, exit_block_mode
 
@@ -344,7 +344,7 @@ def _write_words(part, parts_i, parts_f, floats, ints, c, k, tick, n):
 
 
 @outlined
-def _run_converters(part, parts_i, parts_f, floats, ints, n):
+def _convert_ticks(part, parts_i, parts_f, floats, ints, n):
     """All converters over a block of `n` ticks: adc.convert_block's result is in `fell`. Mutates both arrays."""
     v, a, q = side_by_side.opened(floats, ints), side_by_side_adc.opened(floats, ints), opened(floats, ints)
     first = LANES
@@ -430,7 +430,7 @@ def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
             _compute_law_gains(floats, ints, tick, c.frame_ticks)
         if busy:
             side_by_side_top.advance_lanes(effect, floats, ints, tick, n)
-            _run_converters(part, parts_i, parts_f, floats, ints, n)
+            _convert_ticks(part, parts_i, parts_f, floats, ints, n)
         for k in range(LANES):
             if v.active[k]:
                 _hear(part, parts_i, parts_f, floats, ints, k, tick, until)

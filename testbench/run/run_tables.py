@@ -73,8 +73,8 @@ def results_table(summary):
     return Table("Results", ("quantity", "value", "unit"), rows)
 
 
-def budget_node(budget, node, factual_deg=None):
-    """What contributes to one phase; `factual_deg` is its value without the assumptions about the paper's firmware."""
+def budget_node(budget, node, assumption_free_deg=None):
+    """What contributes to one phase; `assumption_free_deg` is its value without assumptions about the firmware."""
     budget_entries = [(row, "") for row in budget.rows[node]]
     budget_entries.append((None, f"node phase {node}"))
     if node in budget.loop_rows:
@@ -89,8 +89,8 @@ def budget_node(budget, node, factual_deg=None):
         rows.append(
             (row.what, to_decimals(row.clocks, 2), to_decimals(row.ns, 2), to_decimals(row.degrees, 4), row.assumed)
         )
-    if factual_deg is not None:
-        rows.append(("without re-timed references and extra frames", "", "", to_decimals(factual_deg, 4), ""))
+    if assumption_free_deg is not None:
+        rows.append(("without re-timed references and extra frames", "", "", to_decimals(assumption_free_deg, 4), ""))
     paper = budget.paper_deg[node]
     paper_verdict = None if paper is None else judged.verdicts(budget.node_deg())[node]
     if paper_verdict:
@@ -111,8 +111,8 @@ def budget_node(budget, node, factual_deg=None):
 
 def budget_tables(budget, plain=None):
     """One table for each of the four phases; `plain` is the budget without re-timed references and extra frames."""
-    factual_deg = plain.node_deg() if plain else {}
-    return [budget_node(budget, node, factual_deg.get(node)) for node in NODES]
+    assumption_free_deg = plain.node_deg() if plain else {}
+    return [budget_node(budget, node, assumption_free_deg.get(node)) for node in NODES]
 
 
 def budget_json(budget, plain=None):

@@ -300,7 +300,7 @@ class Run:
         self.others = []  # identities of other versions that this run continues
         parts, meta = self._load_checkpoint() if resume else ({}, {})
         if self.partial and not resume:
-            self.partial.begin_run(to_toml(config))
+            self.partial.start_new_run(to_toml(config))
         self.recording = None
         if config.output.record:
             rows = parts["spool"]["rows"] if resume else None

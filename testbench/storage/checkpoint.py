@@ -65,7 +65,7 @@ class Partial:
         except OSError as problem:
             raise explain(self.folder, problem) from None
 
-    def begin_run(self, config_toml):
+    def start_new_run(self, config_toml):
         """Start anew; FileError if an unfinished run lies here."""
         self.hold()
         self.refuse_unfinished()

@@ -40,7 +40,7 @@ def reachable_modules(*modules):
         if module in path_by_module or (path := _path(module)) is None:
             continue
         path_by_module[module] = path
-        imported_paths = [*kernel_cache.imported_files(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
+        imported_paths = [*kernel_cache.direct_imports(path), *(path.parent.glob("*.py") if module in FINDERS else ())]
         ahead.extend(_module(source) for source in imported_paths)
     return tuple(sorted(path_by_module))
 

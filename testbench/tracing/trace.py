@@ -160,7 +160,7 @@ class Tracer:
     def heldout_result(self, fits):
         """`heldout.HeldoutResult` of {label: Fit}."""
         settings = self.problem.heldout_by, self.options.seed, not self.noise_rejected, self.held_noise
-        return heldout.evaluate_heldout(self.problem, self.held, self.predictor, fits, *settings)
+        return heldout.compute_fit_errors(self.problem, self.held, self.predictor, fits, *settings)
 
     def search(self):
         """`SearchResult` among all laws; where it is not adequate, with what discovery proposes besides."""

@@ -104,7 +104,7 @@ def unsupported_law_reason(problem, fit):
     """Why a law of a fit is not named, however well it fits: data cannot support it, or show too little; "" if not."""
     n = len(fit.point.theta)
     for law, d in zip(fit.model.laws, np.abs(fit.point.c) / fit.sd[n:]):
-        if why := problem.unsupported_reason(law.name):
+        if why := problem.insufficient_data_reason(law.name):
             return why
         if d < problem.least_d:
             return f"{d:.2g} sigmas of {law.name} are left beside the priors, {problem.least_d:g} needed"

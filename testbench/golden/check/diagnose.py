@@ -69,7 +69,7 @@ def diagnose(rows):
     """[Cause] of the difference of `Rows`, in order of rank; empty if unknown, or if there is no difference."""
     shift_causes = _shift_causes(rows)
     if not shift_causes and rows.block == "top":
-        return _top_causes(rows)
+        return _design_causes(rows)
     if shift_causes or rows.block not in block_modules():
         return shift_causes
     try:
@@ -102,7 +102,7 @@ def _search_causes(rows, search):
     return [*(c._replace(share=c.share / count) for c in first), *ranked_causes], count
 
 
-def _top_causes(rows):
+def _design_causes(rows):
     """[Cause] of the whole design: block by block, each with what the registers of the design gave it.
 
     Blocks of one module with the same cause are one fault. Without a reset in the rows the first row alone is no proof.

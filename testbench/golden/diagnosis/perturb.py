@@ -145,12 +145,12 @@ def _repeated_load_variants(net, root, node, observed_range):
 def _twin_variants(net, root, node, observed_range):
     """The same mistake in each place of an expression that the model calls several times."""
     for twin_nodes in perturb_loads.twins(net, root):
-        twin_variants = []
+        variants_per_twin = []
         for twin in twin_nodes:
             if twin.id not in net.node_variants:
                 net.node_variants[twin.id] = list(_single_twin_variants(net, twin, observed_range))
-            twin_variants.append(net.node_variants[twin.id])
-        for ways in zip(*twin_variants, strict=False):
+            variants_per_twin.append(net.node_variants[twin.id])
+        for ways in zip(*variants_per_twin, strict=False):
             if len({way[0] for way in ways}) == 1:
                 swaps = {twin.id: way[2] for twin, way in zip(twin_nodes, ways)}
                 yield ways[0][0], f"{ways[0][1]} in all calls", net.substitute(node, swaps), ways[0][3]

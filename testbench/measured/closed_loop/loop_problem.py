@@ -150,7 +150,7 @@ class LoopProblem(AnchoredLoop):
         )
         return tuple(findings.frame_findings(recorded_densities, model, loop_spectra.CHANNELS, loop_spectra.EDGES_HZ))
 
-    def unsupported_reason(self, law):
+    def insufficient_data_reason(self, law):
         lags_s = [f.argument for one in self.candidates[law].unit_laws(self.model.device())
                             for f in one.factors if f.name == "lag"]  # fmt: skip
         span_s = max(self.after[c.id] + c.seconds for c in self.conditions.values()) - min(self.after.values())

@@ -40,7 +40,7 @@ REFITTED = 6  # laws per round, those with most evidence of the linear problem
 
 def _heldout_reaches_floor(tracer, fit):
     """True if every held-out segment is at its floor already."""
-    rows = heldout.evaluate_heldout(tracer.problem, tracer.held, tracer.predictor, {"now": fit}, "group").rows
+    rows = heldout.compute_fit_errors(tracer.problem, tracer.held, tracer.predictor, {"now": fit}, "group").rows
     return bool(rows) and all(row["floor"] and row["now"] <= row["floor"] for row in rows.values())
 
 
@@ -71,7 +71,7 @@ def _round(tracer, refused):
         if gain < DECISIVE:
             break
         rivals = tuple(other for its, other, _, _ in tried if other != name and abs(its - gain) < DECISIVE)
-        result = heldout.evaluate_heldout(
+        result = heldout.compute_fit_errors(
             tracer.problem, tracer.held, tracer.predictor, {"before": base, "after": fit}, "observable"
         )
         better = (result.chi2["before"] - result.chi2["after"]) * tracer.held.size
@@ -88,7 +88,7 @@ def _round(tracer, refused):
 
 
 def run_staged_search(problem, most=None, say=None, settings=QUICK):
-    """`Staged` of a problem: law after law, each the best of those refitted, kept if held-out data support it."""
+    """`StagedResult` of a problem: law after law, each the best of those refitted, kept if held-out data support it."""
     most = problem.most_laws if most is None else most
     first = Tracer(problem, settings, None, None).run()
     rounds, names, refused, values = [], [], set(), {}
@@ -152,7 +152,7 @@ def compute_segment_errors(problem, names, stage_fits):
             space = Space(now, "validate")
             if not space.size:
                 continue
-            rows = heldout.evaluate_heldout(now, space, Predictor(now), {"model": stage_fits[count]}, "group").rows
+            rows = heldout.compute_fit_errors(now, space, Predictor(now), {"model": stage_fits[count]}, "group").rows
             for key, row in rows.items():
                 mine = out.setdefault(key, {"unit": row["unit"], "floor": row["floor"]})
                 mine |= {label: row["model"], label + "_ci": row["model_ci"]}

@@ -220,7 +220,7 @@ def _forward(problem, names, refused, most, options, progress):
 
 
 def add_in_stages(problem, options=None, most=12, progress=None):
-    """`Staged` of a problem; `most` laws are added at most."""
+    """`StagedResult` of a problem; `most` laws are added at most."""
     options = options or Options(ALPHA)
     quick = replace(options, max_laws=1, n_null=min(options.n_null, QUICK), power=False, experiments=False)
     first = Tracer(problem, quick, progress, None).run()

@@ -35,7 +35,7 @@ class Device(NamedTuple):
 @lru_cache(maxsize=512)
 def generator(f_hz, q):
     """2 x 2 of the drive mode from the plant's block, and its force column (m/(N s))."""
-    block = resonator.resonator_block(Device(MASS_KG, f_hz, q))
+    block = resonator.resonator_matrices(Device(MASS_KG, f_hz, q))
     rows = (resonator.X, resonator.VX)
     a = np.array([[float(block.base.get((i, j), 0)) for j in rows] for i in rows])
     return a, np.array([float(block.force.get((i, resonator.FX), 0)) for i in rows])

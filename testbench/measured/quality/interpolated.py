@@ -30,13 +30,13 @@ def on_a_line(v, x, resolution):
     if np.any(np.diff(v) == 0):  # ties are those of a grid, of one that floats where there is none for all
         tol = np.maximum(tol, 2.5 * local_step(v)[1:-1])
     out = np.zeros(len(v), bool)
-    has_changed = (np.diff(v)[1:] != 0) & (np.diff(v)[:-1] != 0)
+    neighbours_differ = (np.diff(v)[1:] != 0) & (np.diff(v)[:-1] != 0)
     for weight in _weights(x, len(v)):
         bend = np.abs(v[1:-1] - (1 - weight) * v[:-2] - weight * v[2:])
         # between bends that are not far above the print, on both sides, an exact line says nothing
         before, after = (maximum_filter1d(bend, REACH, origin=o, mode="nearest") for o in (REACH // 2, -(REACH // 2)))
         usable = np.minimum(before, after) > FINE * tol / 2.5
-        exact, other = (bend <= tol) & has_changed & usable, (bend > tol) & usable
+        exact, other = (bend <= tol) & neighbours_differ & usable, (bend > tol) & usable
         if np.count_nonzero(other) < LEAST_ROWS:
             continue
         chance = np.mean(bend[other] < 3 * tol[other]) / 2  # of falling into a band as wide beside it

@@ -138,8 +138,8 @@ def sensor(record):
 def runs(equal):
     """(first, length) of runs of True, longest first."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.astype(np.int8), [0]])))
-    sorted_runs = sorted(zip((edges[1::2] - edges[::2]).tolist(), edges[::2].tolist()), reverse=True)
-    return [(first, length) for length, first in sorted_runs]
+    runs_by_length = sorted(zip((edges[1::2] - edges[::2]).tolist(), edges[::2].tolist()), reverse=True)
+    return [(first, length) for length, first in runs_by_length]
 
 
 def _channels(record):

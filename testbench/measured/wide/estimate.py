@@ -67,7 +67,7 @@ class Step(NamedTuple):
 
     stage: str
     rms: float
-    step_sigma: float
+    length_sigmas: float
     gain_ratio: float  # share of the promised decrease
     radius: float  # of the region, in sds of the priors
 

@@ -215,7 +215,7 @@ def _intervals(rms, draws, sets):
     return [_quantiles(x) for x in (rms * middle / simulated_rms).T], rms[0] - rms[-1] + np.median(fall) - fall
 
 
-def evaluate_heldout(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):
+def compute_fit_errors(problem, space, predictor, fits, by="observable", seed=0, declared=True, noise=None):
     """`HeldoutResult` of {label: Fit}, in the order before .. after; `space` is that of the validate groups.
 
     declared  False if the repeats have rejected the declared noise: nothing is simulated from it then

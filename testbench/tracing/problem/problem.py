@@ -157,7 +157,7 @@ class Problem:
         """`PortForce`s at a point; None: discovery takes the whitened residual."""
         return None
 
-    def unsupported_reason(self, law):
+    def insufficient_data_reason(self, law):
         """Why no data of these segments can support what a law says, whatever its size; "" if they can."""
         return ""
 

@@ -137,7 +137,7 @@ def test_the_scale_of_velocities():
 def test_block_is_the_balance_of_forces():
     """Accelerations from the block at random states against both equations, written out."""
     dev = device.make(coriolis_mass_kg=1.9e-7, qy=1.5e5, dxy_ratio=0.2)
-    block = resonator.resonator_block(dev)
+    block = resonator.resonator_matrices(dev)
     rng = np.random.default_rng(3)
     with mpmath.workdps(60):
         for _ in range(5):

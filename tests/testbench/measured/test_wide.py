@@ -373,7 +373,7 @@ def test_a_memory_longer_than_what_the_dwells_show_is_supported_by_none_of_them(
     of = SimpleNamespace(model=board, after={"a": 2.0, "b": 2.0})
     of.candidates = {c.law.name: c for c in (*loop_laws.from_catalogue(), *loop_laws.from_grammar())}
     of.conditions = {name: Condition(name, settle_s=2.0, seconds=0.6) for name in of.after}
-    told = loop_problem.LoopProblem.unsupported_reason
+    told = loop_problem.LoopProblem.insufficient_data_reason
     assert told(of, "force_x: lag(3) vx") == (
         "its time constant is 3 s, and the dwells show 0.6 s of the time from power-on"
     )

@@ -257,7 +257,7 @@ def test_a_link_of_the_user_to_a_folder_is_followed(tmp_path):
 
 def begin_a_run(folder):
     with checkpoint.Partial(folder) as partial:
-        partial.begin_run("")
+        partial.start_new_run("")
 
 
 WRITERS = {

@@ -210,7 +210,7 @@ def test_each_law_of_a_part_lowers_the_held_out_error_and_has_no_probability():
 
 def test_what_makes_the_held_out_error_larger_is_dropped(monkeypatch):
     """An observable that is worse by more than its interval and by 2 %, with chi2 of all better."""
-    judged = heldout.evaluate_heldout
+    judged = heldout.compute_fit_errors
 
     def worse(*args):
         found = judged(*args)
@@ -218,7 +218,7 @@ def test_what_makes_the_held_out_error_larger_is_dropped(monkeypatch):
             found.rows["f"] |= {"gain": -0.03 * found.rows["f"]["before"], "gain_most": -0.001}
         return found
 
-    monkeypatch.setattr(heldout, "evaluate_heldout", worse)
+    monkeypatch.setattr(heldout, "compute_fit_errors", worse)
     result = trace(Toy(5, {"feed": 0.2}), QUICK)
     assert (result.verdict, result.effects) == ("unexplained", [])
     assert any("held-out error is larger with it: f" in note for note in result.notes)

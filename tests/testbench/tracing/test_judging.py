@@ -132,8 +132,8 @@ def test_held_out_odds_are_those_of_two_predictive_densities(size, truth):
     ("log_odds", "listed", "named"), [(1.1, True, True), (0.9, True, False), (-1000.0, False, False)]
 )
 def test_a_law_that_held_out_data_do_not_support_is_not_named(monkeypatch, log_odds, listed, named):
-    judged = heldout.evaluate_heldout
-    monkeypatch.setattr(heldout, "evaluate_heldout", lambda *args: judged(*args)._replace(log_odds=log_odds))
+    judged = heldout.compute_fit_errors
+    monkeypatch.setattr(heldout, "compute_fit_errors", lambda *args: judged(*args)._replace(log_odds=log_odds))
     result = trace(Toy(5, {"feed": 0.1}), QUICK)
     assert [row["law"] for row in result.effects] == ["feed"] * listed
     assert result.verdict == ("named" if named else "unexplained")
@@ -249,7 +249,7 @@ def heldout_p(problem):
     tracer = Tracer(problem, QUICK, None, None)
     tracer.calibrate()
     fits = {"after": tracer.base.fit}
-    alone = heldout.evaluate_heldout(problem, tracer.held, tracer.predictor, fits)
+    alone = heldout.compute_fit_errors(problem, tracer.held, tracer.predictor, fits)
     return tracer.noise.p, tracer.heldout_result(fits).p, alone.p
 
 

@@ -109,7 +109,7 @@ def test_a_calibrated_parameter_far_from_its_prior_is_no_record_without_a_misfit
 class Unsupported(Toy):
     """No data can support its pickoff law."""
 
-    def unsupported_reason(self, law):
+    def insufficient_data_reason(self, law):
         return "its time constant is 3 s, and the dwells last 1 s" if law == "pickoff" else ""
 
 

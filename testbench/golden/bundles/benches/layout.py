@@ -103,14 +103,14 @@ def half_ps(block):
 
 def constants(block, count):
     """(name, integer) that every language gets."""
-    entries = [
+    constant_pairs = [
         ("N_ROWS", count),
         ("RESET_CYCLES", RESET_CYCLES),
         ("HALF_PS", half_ps(block)),
         ("IN_WIDTH", total_width(input_ports(block))),
         ("OUT_WIDTH", total_width(result_port_pairs(block))),
     ]
-    entries += [(f"W_{name}", port.width) for name, port in input_ports(block)]
-    entries += [(f"W_{name}", port.width) for name, port in result_port_pairs(block)]
-    entries += [(f"LATENCY_{name}", clocks) for name, clocks in block.latency.items() if isinstance(clocks, int)]
-    return entries
+    constant_pairs += [(f"W_{name}", port.width) for name, port in input_ports(block)]
+    constant_pairs += [(f"W_{name}", port.width) for name, port in result_port_pairs(block)]
+    constant_pairs += [(f"LATENCY_{name}", clocks) for name, clocks in block.latency.items() if isinstance(clocks, int)]
+    return constant_pairs

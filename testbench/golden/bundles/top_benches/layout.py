@@ -54,7 +54,7 @@ class PinValidity(NamedTuple):
 
 
 def pin_validities(block, clocks=None):
-    """{RTL port: PinCondition} of the pins that are not judged in every clock: of a bundle of the pins alone.
+    """{RTL port: PinValidity} of the pins that are not judged in every clock: of a bundle of the pins alone.
 
     clocks  {pin: clocks that it comes later}
     """
