@@ -1,9 +1,12 @@
 """The checker of language finds planted offences, and nothing in text that is plain."""
 
+import itertools
+import re
 import sys
 from pathlib import Path
 
 import pytest
+from markdown_it import MarkdownIt
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "docs"))
@@ -75,3 +78,18 @@ def test_every_file_is_read_and_the_exit_code_says_so(tmp_path, monkeypatch, cap
     assert capsys.readouterr().out.startswith("CHANGELOG.md: 41 words")
     (tmp_path / "CHANGELOG.md").write_text("Plain.\n")
     assert language.main([]) == 0
+
+
+def emphasised_formulas(text):
+    """What stands before each emphasis that begins within a word: a product or power that loses its asterisks."""
+    for block in MarkdownIt("commonmark").enable("table").parse(text):
+        for before, part in itertools.pairwise(block.children or ()):
+            if part.type in ("em_open", "strong_open") and re.search(r"[\w)\]]$", before.content):
+                yield before.content
+
+
+def test_products_and_powers_keep_their_asterisks_on_the_pages():
+    assert len(list(emphasised_formulas("- ki*e is below 2 times ki*e; 2**3 or 2**4"))) == 2
+    assert not list(emphasised_formulas("**No bump.** `ki*e` is *one* product and `2**4`"))
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    assert {str(p.relative_to(ROOT)) for p in pages if list(emphasised_formulas(p.read_text()))} == set()
