@@ -1,7 +1,7 @@
 """Eight converters: those whose samples coincide are summed and converted together, as `adc.convert_block` does one.
 
     sums            row WIDTH c + j, lanes side by side: j < FRAMES: the sums of channel c, above: poles of its flicker
-    own_sums, row   sums and inputs of one converter, for adc.convert_block: where they are not in step
+    lane_sums, row  sums and inputs of one converter, for adc.convert_block: where they are not in step
 
 Source    docs/decisions/0012-lanes.md
 """

@@ -46,7 +46,7 @@ class Result(NamedTuple):
     budget: object
     amplitude_bound: str
     limits: rate_loop_design.Limits
-    simulated: object = None  # `confirm.Measured`, if the engine was asked
+    simulated: object = None  # `confirm_design.Measured`, if the engine was asked
 
     @property
     def warnings(self):

@@ -67,7 +67,7 @@ class Choice(NamedTuple):
 
 
 class Opened(NamedTuple):
-    """Responses of the loop with the FTR open, at the frequencies of a grid; `rest` is D / P at 0 Hz."""
+    """Responses of the loop with the FTR open, at the frequencies of a grid; `dc_ratio` is D / P at 0 Hz."""
 
     hz: np.ndarray
     word: np.ndarray  # P, code per word

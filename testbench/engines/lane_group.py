@@ -295,7 +295,7 @@ def _unload_lane_state(floats, ints, k):
 
 @outlined
 def _nearest(part, parts_i, parts_f, floats, ints, tick):
-    """The tick of the nearest event of any of the eight, FAR when all have left. Mutates `left` of those that leave."""
+    """The tick of the nearest event of any of the eight, FAR when all have left. Mutates `exit_tick`."""
     a, q = side_by_side_adc.opened(floats, ints), opened(floats, ints)
     until = FAR
     for k in range(LANES):
@@ -393,7 +393,7 @@ def _record_codes(c, floats, ints, k, row, n):
 
 @hot
 def run_lane_blocks(part, effect, parts_i, parts_f, floats, ints, c):
-    """All blocks of a chunk: from each one's `entered` to its last quiet tick, which becomes `left`.
+    """All blocks of a chunk: from each one's `entered` to its last quiet tick, which becomes `exit_tick`.
 
     part, effect  Kind of a Part and of an effects.Params. Mutates both arrays and the streams of `c`
     """

@@ -132,7 +132,7 @@ def tables(study, parts, compared):
 
 
 def stage_results(study):
-    """{name: what a stage of a `study.Study` has found, or what follows from it}."""
+    """{name: what a stage of a `paper_study.Study` has found, or what follows from it}."""
     one, points, laws = study.calibration(), study.points(), study.laws()
     last = calibrations.case_config(study.config, one["cases_deg"]["5"])
     return {
@@ -149,7 +149,7 @@ def stage_results(study):
 
 
 def write(study, path=None):
-    """Write the page of a `study.Study` and its figures; returns (path, verdicts)."""
+    """Write the page of a `paper_study.Study` and its figures; returns (path, verdicts)."""
     parts = stage_results(study)
     model = simulated.model(study.config, parts["calibration"], parts["points"], parts["records"])
     compared = judge.rows(model)

@@ -159,7 +159,7 @@ class Study:
         return jobs
 
     def laws(self):
-        """{"scale", "sense", "drive", "rail": rows of `law`, "noise": {set: numbers}, if there is any}."""
+        """{"scale", "sense", "drive", "rail": rows of `phase_laws`, "noise": {set: numbers}, if there is any}."""
         result_by_job = self.stages.results(self._law_jobs())
         out = {name.removeprefix("law_"): rows for name, rows in result_by_job.items() if name.startswith("law_")}
         noise = [rows for name, rows in result_by_job.items() if name.startswith("noise_")]

@@ -114,7 +114,7 @@ def _load_python(path, data):
 class Instance:
     """A plant of a library; FileError with the library's own line if it cannot be made.
 
-    configuration, own  the two texts of gyro_plant_create
+    configuration, file_text  the two texts of gyro_plant_create
     """
 
     def __init__(self, library, configuration, file_text):

@@ -1,6 +1,6 @@
 """NumPy archives of others: plain arrays, their sizes known before anything is unpacked.
 
-    read_npz(data, source)   {name: array} of the bytes of an .npz file
+    read_npz(data, source_name)   {name: array} of the bytes of an .npz file
 
 Refused are encrypted members, compression other than deflate, more than MOST_MEMBERS members, objects, a header that
 states another size than its member has, and contents larger than `inputs.expansion` allows.

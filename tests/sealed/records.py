@@ -6,7 +6,7 @@
                                     that of what narrows wide priors
     FOLDER/RUN/claims/NNN           held by the process that is at this record; a killed one holds nothing
 The trace gets the record's file and nothing else. Anchors, noise and tangents that do not depend on a record's data are
-shared by all of a process (`loop_problem.Kept`).
+shared by all of a process (`loop_problem.LoopCache`).
 Source    docs/sealed.md
 """
 

@@ -79,7 +79,7 @@ class Driver:
         reset(self.plant, seed, 0, 0, temp_degc, ctypes.byref(self.adc))
 
     def frame(self, drive_code, sense_code, clocks, quadrature_code, edges, rate_rad_s):
-        """(codes, x vx y vy) behind 125 ticks; clocks: of both DACs, edges (n, 2): as `top.block` is told."""
+        """(codes, x vx y vy) after 125 ticks; clocks: of both DACs, edges (n, 2): as of `top.advance_ticks`."""
         self.pins.tick, self.pins.ticks, self.pins.edge_count = self.tick, len(drive_code), len(edges)
         self.pins.drive_clock, self.pins.sense_clock = clocks
         self.pins.quadrature_code = quadrature_code

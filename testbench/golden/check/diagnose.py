@@ -35,7 +35,7 @@ class Rows(NamedTuple):
     inputs          {name: column}, `rst` among them
     expected, got   {name: column} of registers and pins; `got` may lack any
     care            {name: bool column} of the rows of `got` that count
-    unknown         names of registers that are not known in row 0, behind the reset
+    undefined_registers  names of registers that are not known in row 0, behind the reset
     design          record of the design that the rows are of
     """
 

@@ -60,7 +60,7 @@ def _operands(net, loaded):
 
 
 def load_variants(net, node, k, loaded, load_conditions):
-    """A loaded value in which one operand is late, or two are exchanged; `conditions` are those of the load."""
+    """A loaded value in which one operand is late, or two are exchanged; `load_conditions` are those of the load."""
     if loaded.op == "mux":
         return
     operands = _operands(net, loaded)

@@ -1,6 +1,6 @@
 """Verilog of a design in VHDL, by the synthesis of GHDL.
 
-    synthesise_vhdl(vhdl_sources, name, folder, what)  the file; `vhdl_sources` are `sources.Sources`
+    synthesise_vhdl(vhdl_sources, name, folder, what)  the file; `vhdl_sources` are `rtl_sources.Sources`
     repair_netlist(verilog, vhdl)                        without two faults of GHDL 2.0, which make it another design
 
 Source  docs/rtl.md
@@ -50,7 +50,7 @@ def repair_netlist(verilog, vhdl):
 
 
 def synthesise_vhdl(vhdl_sources, name, folder, what):
-    """Verilog of `sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
+    """Verilog of `rtl_sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
     if shutil.which("ghdl") is None:
         raise ConfigError("ghdl: not installed; the loop takes a design in VHDL by its synthesis")
     if name != name.lower():

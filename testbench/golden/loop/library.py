@@ -9,8 +9,8 @@ All take a handle and an array of int64. What a design must have is a `Face`:
 
     gyro_top              that of docs/golden.md, its parameters set to those asked for; registers are its ports
                           `r_NAME`, pins `o_NAME`
-    any other top         the pins of the board alone (`board.ports`); parameters are its own affair. It may be in VHDL,
-                          of which GHDL's synthesis makes Verilog
+    any other top         the pins of the board alone (`board_recording.ports`); parameters are its own affair.
+                          GHDL's synthesis makes Verilog of VHDL
 
 Source  docs/rtl.md; Verilator 5.006, "Connecting to C++"
 """
@@ -63,7 +63,7 @@ class Face(NamedTuple):
     """What a bench needs of a top, by the bench's own names; a port is named as the top has it.
 
     inputs    {name: (port, width)}, clock and reset among them
-    seen      [(place in NAMES, port, format)] of what is compared with the model
+    observed_ports  [(place in NAMES, port, format)] of what is compared with the model
     pins      ports of PINS
     ldacs     ports of LDAC of the drive DAC and of that of V_q; None where the board has none
     optional  inputs that the top may lack
@@ -336,7 +336,7 @@ class Design:
 
     folder                 where the design reads its tables from
     face                   `Face`; gyro_top if None
-    places                 of NAMES, that it shows
+    signal_indices         of NAMES, that it shows
     handle, edge, differs  what the kernels call: numbers
     """
 

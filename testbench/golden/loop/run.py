@@ -38,7 +38,7 @@ class Pins(NamedTuple):
 
     top    its module; of the map if None
     files  list of its files; all of the folder if None
-    map    names of its ports (`design_map`); those of `board.ports` if None
+    map    names of its ports (`design_map`); those of `board_recording.ports` if None
     exact  only a design without a difference passes
     """
 
@@ -61,9 +61,9 @@ class Recorded(NamedTuple):
     """What a design was given and has shown.
 
     params    of the model
-    stimulus  `replay.Stimulus`, which goes on behind the difference (`after_divergence.extend_stimulus`)
+    stimulus  `replay_recording.Stimulus`, which goes on behind the difference (`after_divergence.extend_stimulus`)
     continuation  `after_divergence.Continuation`: the rows from the difference on
-    places    of library.NAMES, that the design shows
+    observed_indices  of library.NAMES, that the design shows
     """
 
     params: fpga.Params
@@ -139,7 +139,7 @@ class Loop(Simulation):
 
     @property
     def compared_row_count(self):
-        """Rows that were compared, of `library.Design.places`."""
+        """Rows that were compared, of `library.Design.signal_indices`."""
         return int(self.rtl.comparison_state[3])
 
     def _lockstep(self, p, s, ticks, rate_rad_s, temp_degc, host, faults, o):

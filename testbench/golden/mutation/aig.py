@@ -138,7 +138,7 @@ def _simulate_lanes(ands, latches, out_literals, in_count, stim, exp, mask, chos
 def run(graph, stim, exp, mask, select, numbers, clear, cycles):
     """({number: first row that differs, or -1} of the designs `numbers`, flip-flops of design 0 at row 0).
 
-    stim, exp, mask  uint8 rows of bits, as `bits_of` gives them
+    stim, exp, mask  uint8 rows of bits, as `expand_bits` gives them
     select           input port whose word chooses the design
     clear            input port that resets
     cycles           clocks of reset before row 0, with design 0

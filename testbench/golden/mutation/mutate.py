@@ -3,7 +3,7 @@
     read, flatten        yosys, with the parameters of the case; registers as plain flip-flops, enables as multiplexers
     choose               `mutate -list`: evenly over the netlist, by seed; every fault switched on by one input
     run                  `aig`, 64 faults at a time: fault 0 (none) must pass, each fault to the first row that differs
-    judge the survivors  `judge`: equivalent (proved), alive (a trace that shows it), or undecided
+    judge the survivors  `mutant_judge`: equivalent (proved), alive (a trace that shows it), or undecided
 
     score = killed / (mutants - equivalent)
 

@@ -1,6 +1,6 @@
 """A board's top level with a port of the host: `gyro_top`, and `gyro_host` as the master of its register bank.
 
-    write(folder, params)   gyro_board.v and the tables, as `board.write`, with pins of the SPI port in place of the bus
+    write(folder, params)   gyro_board.v and the tables, as `board_recording.write`; SPI pins in place of the bus
     port                    `fpga_model.host_axi` for the AXI4-Lite port, `gyro_host_axi`
 
 Source  docs/blocks/host.md

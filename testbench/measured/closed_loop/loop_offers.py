@@ -33,7 +33,7 @@ ALIKE = (("temperature_degc", 60.0), ("detune_deg", 30.0), ("rate_dps", 300.0)) 
 
 
 def corners(recorded):
-    """`plan.Condition`s beyond recorded ones; no larger force for the rate than those have had."""
+    """`recording_plan.Condition`s beyond recorded ones; no larger force for the rate than those have had."""
     fastest = max(LEAST_DPS, *(max(abs(c.rate_dps), abs(loop_runs.before_dps(c))) for c in recorded))
     force = max(LEAST_DPS, *(c.a_um * max(abs(c.rate_dps), abs(loop_runs.before_dps(c))) for c in recorded))
     amplitudes = SMALLER * min(c.a_um for c in recorded), LARGER * max(c.a_um for c in recorded)
@@ -60,7 +60,7 @@ def most_similar(condition, recorded):
 
 
 def amplitude_conditions(recorded):
-    """`plan.Condition`s with another amplitude at each temperature that has only one."""
+    """`recording_plan.Condition`s with another amplitude at each temperature that has only one."""
     least, most, at = min(c.a_um for c in recorded), max(c.a_um for c in recorded), {}
     for c in recorded:
         at.setdefault(c.temperature_degc, []).append(c)

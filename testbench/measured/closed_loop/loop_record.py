@@ -190,7 +190,7 @@ def open_record(paths, options, calibrated=None, bench=None, loop_cache=None):
 
     calibrated  function(data, model, record, bench) -> (model, parameters, lines) from priors that are too wide for a
                 linear model, or None: the record's priors are narrow
-    bench, cache  of `loop_problem`, shared by many records under the same conditions
+    bench, loop_cache  of `loop_problem`, shared by many records under the same conditions
     """
     if len(paths) != 1 or not is_record(paths[0]):
         return None

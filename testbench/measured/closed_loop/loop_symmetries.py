@@ -2,7 +2,7 @@
 
     scale   a parameter times s, partners times s^power: the same codes (rounding aside)
     delay   a delay and partners later by one time: the same codes at later instants of a turn
-    tied    the column of `held` follows from those of its partners, so that no rounding fixes the direction:
+    tied    the column of `dependent_key` follows from those of its partners, so that no rounding fixes the direction:
             scale  held dy/dheld = - sum power partner dy/dpartner;   delay  dy/dheld = - sum dy/dpartner
     weak    directions d, |d| = 1, in units of the priors, along which large columns of J cancel: max |d_k J_k| >
             HIDDEN |J d|. What is left there is mostly error of the columns' steps, so the change along d is measured
@@ -26,7 +26,7 @@ class Symmetry(NamedTuple):
     experiment: str
 
     def column(self, values, columns):
-        """Change per unit of `held` from those of its partners; both {key: ...}."""
+        """Change per unit of `dependent_key` from those of its partners; both {key: ...}."""
         if self.delay:
             return -sum(columns[key] for key in self.partners)
         return (

@@ -65,7 +65,7 @@ class Sweep(NamedTuple):
 
 
 class Meters(NamedTuple):
-    """Points in the order of time; `readings` (points, meters), `spread` the same or None, in V."""
+    """Points in the order of time; `readings_v` (points, meters), `spread_v` the same or None, in V."""
 
     path: Path
     sha256: str

@@ -39,7 +39,7 @@ def _scalar(path, npz_arrays, ending, low, high):
 
 
 def read(path):
-    """`Rest` of a file; see the module."""
+    """`ZeroRateRecord` of a file; see the module."""
     path = Path(path)
     if column_map.is_map_file(path):
         return column_map.read(path)

@@ -1,6 +1,6 @@
 """MATLAB 5 files: variables that are plain arrays of numbers, their sizes known before anything is unpacked.
 
-    read_mat(path, selection)   ({name: array}, SHA-256): numbers of the variables in `selection`, or of all
+    read_mat(path, selected_names)   ({name: array}, SHA-256): numbers of the variables in `selected_names`, or of all
 
 Other kinds of variables (structures, cells, texts, sparse matrices) are left alone.
 Errors  FileError: damaged, or larger unpacked than `inputs.expansion` allows

@@ -1,6 +1,6 @@
 """Parquet files of others: plain columns of numbers, their sizes known before anything is unpacked.
 
-    read_parquet(data, path, selection)   {name: array} of the bytes of a file; `selection`: columns, None: all
+    read_parquet(data, source_name, selected_names)   {name: array} of the bytes of a file; None: all columns
 
 Other columns (texts, lists, structures) are left alone.
 Errors  FileError: damaged, larger unpacked than `inputs.expansion` allows, more rows than its head states, no pyarrow

@@ -1,7 +1,7 @@
 """Tables of anybody: CSV, Parquet, NumPy archive or MATLAB 5 file as columns by name; the content decides.
 
     read_table(path)        {column: (n,) array}: numbers as they stand, in the file's own units; texts as texts
-    numbers(table, ...)     columns of one length, all finite, as float64
+    numeric_columns(table)  columns of one length, all finite, as float64
 
 CSV      `,` `;` tab or blanks between the cells; lines that begin with # % or ! are comments; the first other line
          names the columns unless all its cells are numbers: then they are "1", "2", ...

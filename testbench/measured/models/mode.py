@@ -21,7 +21,7 @@ U, X, VX = law.STATES["u"], law.STATES["x"], law.STATES["vx"]
 
 
 class Device(NamedTuple):
-    """What `resonator.block` reads; the other mode is there and coupled to nothing."""
+    """What `resonator.resonator_matrices` reads; the other mode is there and coupled to nothing."""
 
     mass_kg: float
     fx_hz: float

@@ -95,7 +95,7 @@ def _shifted_predictions(post, draws, exact, fold, k, d):
 def heldout_moves(paper, fold_result, group, best=2):
     """[`Move`, ...] that bring a contradicted class of a temperature that was left out inside, medians in its unit.
 
-    fold_result  what `heldout.judge_folds` keeps of a fold
+    fold_result  what `heldout_measurements.judge_folds` keeps of a fold
     """
     fold, post, draws = fold_result
     some = post.weight > 0
@@ -141,7 +141,7 @@ def _least(post, fold, group, p_before, shifted_class_p, k, far):
 
 
 def with_other_sign(paper, fold, group, rng, draws, least):
-    """`heldout.Class` of a temperature that was left out, with the other sign printed in SIGN_ROW."""
+    """`heldout_measurements.Class` of a temperature that was left out, with the other sign printed in SIGN_ROW."""
     turned = likelihood.Paper(paper.values | {SIGN_ROW: -paper.values[SIGN_ROW]})
     post = infer.posterior(likelihood.compared_rows(turned, fold.rows), rng, draws, least)
     row_draws = heldout_measurements.draw_noisy_predictions(post, rng)

@@ -14,7 +14,7 @@ from testbench.paper.pictures import draw
 def drive_errors(rows, config):
     """Fig. 2 b, c: simulated gyroscopes over xe1 at -30 deg/s with ye1 = -9 and ye2 = -6 deg, beside the formulas.
 
-    rows  of `law.drive_law`
+    rows  of `phase_laws.drive_law`
     """
     device = config.device()
     angle = np.array([row["deg"]["xe1"] + row["deg"]["xe2"] for row in rows])

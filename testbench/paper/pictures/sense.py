@@ -48,7 +48,7 @@ def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
 
 
 def scale_by_phases(rows):
-    """Fig. 6 a: scale factor of simulated gyroscopes over ye1 at three ye2; rows of `law.sense_law`."""
+    """Fig. 6 a: scale factor of simulated gyroscopes over ye1 at three ye2; rows of `phase_laws.sense_law`."""
     figure, axes = make_axes("Fig. 6 a  Scale factor over both sense phase errors", 5.6, 1, 2)
     unit = next(r["lsb_per_dps"] for r in rows if r["ye1"] == 0.0 and r["ye2"] == 0.0)
     worst = 0.0

@@ -113,7 +113,7 @@ def after_reset(graph, clocks=2):
 
 
 def proved(folder, manifest, text):
-    """`judge.Verdict` on a design of a block, with the parameters of the bundle."""
+    """`mutant_judge.Verdict` on a design of a block, with the parameters of the bundle."""
     with tempfile.TemporaryDirectory() as place:
         work, stem = Path(place), manifest["block"]
         gold, gate = (
