@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # a worker that crashes ends the run and names its test; a new one in its place can wait for ever
 PYTEST := $(BIN)/python -m pytest --max-worker-restart 0
 
-.PHONY: help run paper inference measured sealed golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs boards bench portability packages lock lint pages docs clean
+.PHONY: help run paper inference measured sealed golden rtl budget test test-slow test-all test-nojit test-bounds kills fuzz designs boards bench portability packages lock lint docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -83,7 +83,7 @@ designs: $(VENV)/.test ## random designs over all keys of [design]: both engines
 boards: $(VENV)/.test ## plants of each board, drawn within its tolerances: lock, rest, scale factor, bandwidth, phases; COUNT=20
 	BOARD_DRAWS=$(or $(COUNT),20) $(PYTEST) -n 2 --dist worksteal --benchmark-disable -m "slow or not slow" -k a_plant tests/testbench/test_boards.py
 
-bench: $(VENV)/.test ## speed, as tables in docs/speed.md and build/bench.json
+bench: $(VENV)/.test ## speed, as tables in docs/results and build/bench.json
 	$(BIN)/python -m testbench.bench
 	$(BIN)/python -m testbench.bench.c_firmware
 
@@ -102,10 +102,7 @@ lint: $(VENV)/.test ## ruff, codespell, and the language of pages, docstrings an
 	$(BIN)/codespell README.md CHANGELOG.md Makefile docs fpga_model analog_frontend testbench tests
 	$(BIN)/python docs/language.py
 
-pages: $(VENV)/.run ## write the generated pages again (register map, configuration, budget)
-	$(BIN)/python docs/pages.py
-
-docs: $(VENV)/.docs ## the site, in build/site: all pages and the API; a warning or a stale page is an error
+docs: $(VENV)/.docs ## the site, in build/site: all pages, generated tables, a page for each module; a warning is an error
 	$(BIN)/python docs/pages.py --check
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --doctree-dir build/doctrees docs build/site
 

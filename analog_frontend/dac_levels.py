@@ -5,9 +5,16 @@
 
     place --+--[top 5 bits]--> left_k, right_k ----(+)--> e
             '--[bits - 5]----> u, weights ----------'
-A string of 2, 4, 8 or 16 elements is a sum of elements of 32. Off: no error, and bit for bit nothing.
+
+Texts of effects.drive_dac_levels and effects.sense_dac_levels:
+    element K/N = E   element K of a string of N is E LSB too large: a ramp over its codes, kept by all codes above
+    step K/N = E      thermometer element K of N: a step of E LSB where it begins
+    bit B = E         the weight of bit B is E LSB too large
+
+N is 2, 4, 8, 16 or 32; a string of fewer than 32 is a sum of elements of 32. K counts from 1 at the lowest code, B from
+0; |E| is at most 64. Smooth errors cannot be distinguished from the voltmeter's curve. Clocked and frame engine only.
 Port      dac_drive, dac_sense   Mechanism polynomial (piecewise)   Unit LSB of the DAC
-Source    docs/parts/dac_levels.md
+Source    docs/measured.md, docs/effects.md
 """
 
 import re
@@ -23,8 +30,8 @@ INFO = Info(
     port="dac_drive",
     mechanism="polynomial",
     unit="LSB",
-    source="all levels of a 16-bit DAC, measured twice (docs/measured_parts.md)",
-    fingerprint="force depends on the code: harmonics of the sine, amplitude word against force not straight",
+    source="all levels of a 16-bit DAC, measured twice (docs/measured_results.md)",
+    fingerprint="force depends on the code: harmonics of the sine, nonlinear relation of amplitude word and force",
 )
 STRING_BITS = 5
 ELEMENTS = 1 << STRING_BITS
@@ -46,11 +53,7 @@ OFF = Params(0, 16, np.zeros(SIZE))
 
 
 def table(texts, bits):
-    """(SIZE,) in LSB from texts: "element 5/8 = -2.2" (a ramp over its codes, kept above), "step 2/8 = 0.2",
-    "bit 11 = 0.1".
-
-    Elements and steps count from 1, bits from 0. Raises ValueError: no such text, out of range.
-    """
+    """(SIZE,) in LSB from texts; ValueError: no such text, out of range."""
     out = np.zeros(SIZE)
     element_indices = np.arange(ELEMENTS)
     for text in texts:
@@ -70,7 +73,7 @@ def table(texts, bits):
             out[WEIGHTS + number] += error
             continue
         if segment_count not in [1 << m for m in range(1, STRING_BITS + 1)] or not 1 <= number <= segment_count:
-            raise ValueError(f"dac levels: {text!r}: K/N with N of 2, 4, 8, 16, 32 and K of 1 .. N wanted")
+            raise ValueError(f"dac levels: {text!r}: expected K/N with N of 2, 4, 8, 16 or 32 and K of 1 .. N")
         fine = ELEMENTS // segment_count
         first = (number - 1) * fine
         if kind == "step":

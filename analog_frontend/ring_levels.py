@@ -1,7 +1,7 @@
 """Levels of a ring that saturates: where it leaves 1 %, which amplitude gives a signal, delay at an amplitude.
 
 Each takes a Device as it is at temp_ref, and a temperature.
-Source    docs/parts/ring_diode.md
+Source    analog_frontend/parts/ring_diode.py
 """
 
 import functools
@@ -44,8 +44,8 @@ def _amplitude_f(circuit, demodulated_v):
     low_f, high_f = SMALL_F, MOST_C0_SHARE * circuit.c0_f
     if volts(high_f) < demodulated_v:
         raise ValueError(
-            f"plant.ring_saturation_on = 1: the set-point is {demodulated_v:g} V behind the ring, which gives "
-            f"{volts(high_f):g} V at most: lower firmware.amplitude_um or plant.dcdx_f_per_m, or raise plant.carrier_v"
+            f"plant.ring_saturation_on = 1: the set-point needs {demodulated_v:g} V behind the ring, which gives "
+            f"at most {volts(high_f):g} V; lower firmware.amplitude_um or plant.dcdx_f_per_m, or raise plant.carrier_v"
         )
     for _ in range(ROUNDS):
         middle_f = (low_f + high_f) / 2

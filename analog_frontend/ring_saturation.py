@@ -9,8 +9,9 @@
                           '--[S, M tables]--added^
 ring_tables.py makes the tables. First order in what delays u: the second is (w tau)^2, 2e-4 of the part that is lost.
 Beyond the tables, and between their temperatures: straight lines. Off: no table is read, bit for bit nothing.
+Laws at the C/V ports still see u. Refused: the board `digital_sid`, gyroscopes side by side.
 Port      cv_x, cv_y   Mechanism saturation   Unit V
-Source    docs/parts/ring_diode.md
+Source    docs/plant.md
 """
 
 from typing import NamedTuple

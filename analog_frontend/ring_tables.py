@@ -1,6 +1,6 @@
 """Tables of ring_saturation.py, from the integrated ring: cubics through values and slopes at its points.
 
-Source    docs/parts/ring_diode.md
+Source    analog_frontend/parts/ring_cycle.py
 """
 
 import numpy as np

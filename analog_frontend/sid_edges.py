@@ -3,7 +3,7 @@
     edge at clock c --> switch_tau_s[level, c] + jitter --> instant in its tick, or in the next one (switch_carry)
 A tick without an edge is one step of the capacitors (`sid.step_edgeless_ticks`), one with edges is pieces
 (`sid.edge`). `p` and `s` are `Params` and `State` of the plant.
-Source    docs/parts/sid.md, docs/parts/top.md
+Source    analog_frontend/parts/sid.py, analog_frontend/top.py
 """
 
 from typing import NamedTuple

@@ -14,7 +14,9 @@ A block runs each stage over all of its ticks before the next stage; no bit depe
 State is arrays, mutated in place; `reset` makes them, `copy` keeps them. Everything that crosses is a pin: DAC codes
 with the clock at which each took effect, reference edges with theirs, ADC codes with the clock of DRDY.
 V_q takes effect at the frame's `retune`: it is DC, its settling within a microsecond changes no phase.
-Source    docs/architecture.md, docs/parts/
+Late      instant = clock Tc + delay; an event whose delay passes the end of the tick acts in the next one
+NaN       in x or y reaches everything behind it and reads as full scale; the firmware's over-range flag sees it
+Source    docs/architecture.md, docs/plant.md
 """
 
 from typing import NamedTuple

@@ -1,11 +1,11 @@
-"""Pages of the catalogue, and their indices: python docs/effects_pages.py [NAME ...]
+"""What effects change: python docs/effects_pages.py [NAME ...] measures and renews tables of docs/results/effects.json
 
-A page that is missing is made; of one that exists, what the module says is renewed and all else stays. The table shows
-what the effect changes, measured: the default gyroscope in the baseband engine at 5 um, off and on with the same noise:
-frequency, drive word, bias, scale factor, V_q.
+A table compares the default gyroscope in the baseband engine at 5 um without the effect and with it, with the same
+noise: drive frequency, drive word, bias, scale factor, V_q. `effect_section` gives what the built page of an effect
+has below its docstring.
 """
 
-import re
+import importlib
 import sys
 from pathlib import Path
 
@@ -14,19 +14,19 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-import pages  # noqa: E402
-
 from analog_frontend.effects import catalogue  # noqa: E402
 from analog_frontend.parts import device  # noqa: E402
 from testbench import config  # noqa: E402
-from testbench.console.markdown import replace_part  # noqa: E402
+from testbench.console import results  # noqa: E402
+from testbench.console.markdown import markdown  # noqa: E402
+from testbench.console.text_table import Table  # noqa: E402
 from testbench.measured.closed_loop import loop_runs  # noqa: E402
 from testbench.measured.closed_loop.loop_runs import FAST, Model, Run  # noqa: E402
 from testbench.measured.closed_loop.loop_tangents import disable_retiming  # noqa: E402
 from testbench.measured.record.recording_plan import Condition  # noqa: E402
-from testbench.storage.files import write_text  # noqa: E402
 
-FOLDER = ROOT / "docs" / "effects"
+PACKAGE = "analog_frontend.effects"
+NAME, COMMAND = "effects", "python docs/effects_pages.py"  # of the file in docs/results, and what measures it
 SETTLE_S, DWELL_S, RATE_DPS, SEED = 1.5, 1.0, 50.0, 3
 ROWS = (
     ("drive frequency", "mHz", "rest", 1e3, 3),
@@ -35,6 +35,17 @@ ROWS = (
     ("scale factor", "ppm", "both", 1e6, 2),
     ("V_q squared", "V^2", "rest", 1.0, 6),
 )
+NOTE = "Measured 1.5 to 2.5 s after a locked state, baseband engine, edges that leave evenly, codes not rounded."
+# keys of the effects that are no laws of the catalogue
+KEYS = {
+    "duffing": "effects.duffing_k3_per_um2",
+    "drive_cubic": "effects.drive_cubic_per_v2",
+    "feedthrough_y": "effects.feedthrough_y",
+    "rate_vibration": "scenario.rate_dps",
+}
+
+
+# ---- measurement -----------------------------------------------------------------------------------------------------
 
 
 def conditions(temp_degc):
@@ -63,7 +74,7 @@ def changes(off, on):
 
 
 def measure_table(names, bench=None):
-    """{name: changes} of effects at the sizes of their pages."""
+    """{name: changes} of effects at the sizes of their tables."""
     bench = bench or loop_runs.Bench()
     base, out = config.Config(), {}
     jobs = []
@@ -83,73 +94,64 @@ def measure_table(names, bench=None):
 
 
 def table(effect, values):
-    """Markdown of one page."""
+    """`Table` of the measured changes of one effect."""
     temp = ", 45 degC" if effect.INFO.name == "pickoff_drift" else ""
-    lines = [f"| off to {effect.EXAMPLE:g} {effect.INFO.unit}, A = 5 um{temp} | change |", "|---|---:|"]
-    for (what, unit, _, factor, digits), value in zip(ROWS, values):
-        lines.append(f"| {what} | {factor * value:+.{digits}f} {unit} |")
-    how = "baseband engine, edges that leave evenly, codes not rounded, `python docs/effects_pages.py`"
-    lines += ["", f"Measured 1.5 to 2.5 s after a locked state, {how}."]
-    return "\n".join(lines)
+    rows = [
+        (what, f"{factor * value:+.{digits}f} {unit}") for (what, unit, _, factor, digits), value in zip(ROWS, values)
+    ]
+    heads = (f"off to {effect.EXAMPLE:g} {effect.INFO.unit}, A = 5 um{temp}", "change")
+    return Table(effect.INFO.name, heads, rows, NOTE, numeric=(1,))
 
 
-PAGE = """# {name}
-
-{head}
-
-{source}
-
-{applied}
-
-{terms}
-
-**Fingerprint.** {fingerprint}.
-
-<!-- measured: python docs/effects_pages.py -->
-
-<!-- end -->
-"""
-APPLIED = "**Applied** as laws of [ports](../parts/ports.md#laws); of the size of the table below:"
+# ---- the built page of an effect -------------------------------------------------------------------------------------
 
 
-def parts(effect):
-    """{part of a page: text} that the module says."""
-    i = effect.INFO
-    about = " ".join(effect.__doc__.split("\n\n")[0].split()).rstrip(".")
-    where = f"Port {i.port}, mechanism {i.mechanism}, unit {i.unit}. Off: 0. Catalogue {effect.IDS}"
-    return {
-        "head": f"{about}. {where}; `effects.{i.name}` in a configuration.",
-        "source": f"**Source.** {i.source[0].upper()}{i.source[1:]}.",
-        "applied": APPLIED,
-        "terms": "\n".join(f"    {text}" for text in effect.terms(effect.EXAMPLE, device.Device())),
-        "fingerprint": i.fingerprint,
-    }
+def _module(module_name):
+    """The module of a dotted name or of its last part."""
+    stem = module_name.rpartition(".")[2]
+    return importlib.import_module(PACKAGE if stem == "effects" else f"{PACKAGE}.{stem}")
 
 
-def renew(effect, page=None):
-    """The page with what the module says; made if it is None. Its measured table stays as it is."""
-    said = parts(effect)
-    if page is None:
-        return PAGE.format(name=effect.INFO.name, **said)
-    title, _, rest = page.split("\n\n", 2)
-    rest = re.sub(r"^\*\*Source\.\*\* .*$", lambda _: said["source"], rest, count=1, flags=re.M)
-    before, after = rest.split(f"{APPLIED}\n\n")
-    after = after.split("\n\n", 1)[1]
-    return "\n\n".join((title, said["head"], f"{before}{APPLIED}", said["terms"], after))
+def effect_section(module_name):
+    """Markdown below the docstring of an effect's page; "" for a module that is no effect.
+
+    An effect without a law of the catalogue has neither terms nor a measured table.
+    """
+    module = _module(module_name)
+    if not hasattr(module, "INFO"):
+        return ""
+    info = module.INFO
+    rows = [("port", info.port), ("mechanism", info.mechanism), ("unit", info.unit)]
+    if hasattr(module, "IDS"):
+        rows.append(("id", module.IDS))
+    rows.append(("switched on by", f"`{KEYS.get(info.name, f'effects.{info.name}')}`"))
+    parts = [
+        markdown(Table("", ("property", "value"), rows, numeric=())),
+        f"**Source.** {info.source[0].upper()}{info.source[1:]}.",
+    ]
+    if hasattr(module, "terms"):
+        lines = [f"    {text}" for text in module.terms(module.EXAMPLE, device.Device())]
+        size = f"{module.EXAMPLE:g} {info.unit}".removesuffix(" 1")
+        parts += [f"**Laws** at a size of {size}, for the default board:", "\n".join(lines)]
+    parts.append(f"**Fingerprint.** {info.fingerprint[0].upper()}{info.fingerprint[1:]}.")
+    command, tables = results.read_results(NAME)
+    measured = [one for one in tables if one.title == info.name]
+    parts += [f"{markdown(one)}\n\n{one.note} `{command} {info.name}` repeats it." for one in measured]
+    return "\n\n".join(parts)
+
+
+# ---- command ---------------------------------------------------------------------------------------------------------
 
 
 def main(names):
-    """Renew the pages of the named effects, or of all, and the indices that list them; returns the exit code."""
+    """Measure the named effects, or all, and renew their tables; returns the exit code."""
     known = {effect.INFO.name: effect for effect in catalogue.LAWS}
     if unknown := set(names) - set(known):
         print(f"{', '.join(sorted(unknown))}: not among {', '.join(known)}", file=sys.stderr)
         return 2
-    chosen = names or list(known)
-    for name, values in measure_table(chosen).items():
-        path = FOLDER / f"{name}.md"
-        page = renew(known[name], path.read_text() if path.exists() else None)
-        write_text(path, replace_part(page, "measured", table(known[name], values)))
-    pages.renew(pages.OF_EFFECTS)
+    tables = {one.title: one for one in results.read_results(NAME)[1]}
+    tables |= {name: table(known[name], values) for name, values in measure_table(names or list(known)).items()}
+    results.write_results(NAME, COMMAND, [tables[name] for name in known if name in tables])
     return 0
 
 

@@ -1,7 +1,7 @@
-"""The table of faults in docs/faults.md, and the hours without a fault.
+"""Tables of docs/faults.md, stored in docs/results: every fault, and the hours without one.
 
-    python docs/faults_page.py            inject every fault, write the table
-    python docs/faults_page.py --hours 2  simulate both boards so long without a fault, write what rose
+    python docs/faults_page.py            inject every fault, store the table
+    python docs/faults_page.py --hours 2  simulate both boards so long without a fault, store what rose
 
 Source  docs/faults.md, tests.testbench.run.fault_table
 """
@@ -19,16 +19,14 @@ sys.path.insert(0, str(ROOT))
 from fpga_model import fault_monitor, sequencer  # noqa: E402
 from fpga_model.rates import FRAME_HZ, TICK_HZ  # noqa: E402
 from testbench.config import Config, changed  # noqa: E402
-from testbench.console.markdown import markdown, replace_part  # noqa: E402
+from testbench.console.results import write_results  # noqa: E402
 from testbench.console.text_table import Table  # noqa: E402
 from testbench.run import simulate  # noqa: E402
 from testbench.run.anomaly_warnings import AnomalyDetector  # noqa: E402
 from testbench.run.repeated_code_probability import adc_alarm, sar_alarm  # noqa: E402
 from testbench.run.simulation import DEG, FRAME, Simulation  # noqa: E402
-from testbench.storage.files import write_text  # noqa: E402
 from tests.testbench.run import fault_table  # noqa: E402
 
-PAGE = ROOT / "docs" / "faults.md"
 HEADS = (
     "board",
     "fault",
@@ -50,8 +48,8 @@ def cells(case, row):
 
 
 def table(found):
-    """Markdown of [(case, row), ...]."""
-    return markdown(Table("", HEADS, [cells(case, row) for case, row in found], numeric=(3, 4, 5)))
+    """Table of [(case, row), ...]."""
+    return Table("", HEADS, [cells(case, row) for case, row in found], numeric=(3, 4, 5))
 
 
 class Alarms:
@@ -85,8 +83,8 @@ def quiet_hours(board, hours, rate_dps=100.0):
     return alarms, doubts.warnings(config)
 
 
-def hours_part(hours):
-    """Markdown of both boards without a fault."""
+def hours_table(hours):
+    """Table of both boards without a fault."""
     rows = []
     for board in (fault_table.ANALOG, fault_table.DIGITAL):
         alarms, warnings = quiet_hours(board, hours)
@@ -97,22 +95,23 @@ def hours_part(hours):
         counts = f"{hours:g}", str(alarms.frames), str(alarms.flagged), raised, str(alarms.bad), str(len(warnings))
         rows.append((board, *counts, f"{expected:.0e}" if expected > 1e-99 else "below 1e-99"))
     heads = ("board", "hours", "frames", "frames with a flag", "flags", "frames without rate_good", "warnings")
-    return markdown(Table("", (*heads, "expected false alarms"), rows, numeric=(1, 2, 3, 5, 6, 7)))
+    return Table("", (*heads, "expected false alarms"), rows, numeric=(1, 2, 3, 5, 6, 7))
 
 
 def main(arguments=None):
-    """Write one part of the page, as `arguments` (sys.argv[1:]) ask for."""
+    """Store one table, as `arguments` (sys.argv[1:]) ask for."""
     parser = argparse.ArgumentParser(prog="python docs/faults_page.py", description=__doc__)
     parser.add_argument("--hours", type=float, help="simulate both boards without a fault for so many hours")
     options = parser.parse_args(arguments)
     if options.hours:
-        write_text(PAGE, replace_part(PAGE.read_text(), "hours", hours_part(options.hours)))
+        command = f"python docs/faults_page.py --hours {options.hours:g}"
+        write_results("fault_hours", command, [hours_table(options.hours)])
         return 0
     found = []
     for case in fault_table.cases():
         found.append((case, fault_table.run(case)))
         print(" | ".join(cells(*found[-1])), flush=True)
-    write_text(PAGE, replace_part(PAGE.read_text(), "table", table(found)))
+    write_results("fault_table", "python docs/faults_page.py", [table(found)])
     return 0
 
 

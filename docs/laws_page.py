@@ -7,7 +7,7 @@
     rise_part     phases over temperature, and the least coefficients that let all four rise
 
 What is fitted is fitted to the very rows of the table: it shows what a law can do, and confirms nothing.
-Source  docs/parts/cv_noise.md, docs/parts/thermal.md, docs/phases.md
+Source  docs/plant.md, docs/phases.md
 """
 
 import functools

@@ -1,9 +1,8 @@
-"""Numbers of the pages on measured parts: taken from a run of all sets, kept beside the pages, and written into them.
+"""Tables of docs/measured_results.md from docs/results/measured_parts.json, which a run of all sets gives.
 
-    python docs/measured_pages.py build/measured.json     docs/measured_parts.json from a run, and the tables
-    python docs/measured_pages.py                         the tables alone
+    python docs/measured_pages.py build/measured.json     docs/results/measured_parts.json from a run
     summary     of each job: verdict, effects, held-out errors, what is left; of each set: the closed loop
-Source    docs/measured_parts.md, docs/measured_resonators.md
+Source    docs/measured_results.md
 """
 
 import json
@@ -13,13 +12,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from testbench.console.markdown import markdown, replace_part  # noqa: E402
+from testbench.console.markdown import markdown  # noqa: E402
 from testbench.console.text_table import Table  # noqa: E402
 from testbench.measured.exam.part_page import is_unexplained, number  # noqa: E402
 from testbench.measured.sets_report import residual_sentence  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
-KEPT = ROOT / "docs" / "measured_parts.json"
+STORED = ROOT / "docs" / "results" / "measured_parts.json"
 EFFECT = ("law", "port", "value", "sd", "unit", "kind", "status", "hz", "quality", "full_v", "bits", "coefficients")
 HELD = ("unit", "floor", "noise", "before", "after_one_law", "after")
 RESONATORS = ("silverbox", "quartz_vna", "mems_ringdown")
@@ -88,28 +87,31 @@ def rest_part(kept, sets):
     return "\n".join(lines)
 
 
-def renew():
-    """{path: text} of the pages with their tables from the kept numbers."""
-    kept = json.loads(KEPT.read_text())
-    resonators, parts = (ROOT / "docs" / name for name in ("measured_resonators.md", "measured_parts.md"))
-    one = replace_part(resonators.read_text(), "heldout", heldout_part(kept, RESONATORS))
-    others = [name for name in kept if name not in RESONATORS and name != "paper_numbers"]
-    two = replace_part(parts.read_text(), "heldout", heldout_part(kept, others))
-    two = replace_part(replace_part(two, "rest", rest_part(kept, others)), "loop", loop_part(kept))
-    return {resonators: replace_part(one, "rest", rest_part(kept, ["quartz_vna"])), parts: two}
+def _stored():
+    return json.loads(STORED.read_text())
+
+
+def _others(stored):
+    return [name for name in stored if name not in RESONATORS and name != "paper_numbers"]
+
+
+PARTS = {
+    "parts_heldout": lambda: heldout_part(_stored(), _others(_stored())),
+    "parts_rest": lambda: rest_part(_stored(), _others(_stored())),
+    "parts_loop": lambda: loop_part(_stored()),
+    "resonators_heldout": lambda: heldout_part(_stored(), RESONATORS),
+    "resonators_rest": lambda: rest_part(_stored(), ["quartz_vna"]),
+}
 
 
 def main(arguments=None):
-    """Keep a run's numbers, if one is given, and write the pages."""
+    """Store a run's numbers; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if len(arguments) > 1:
-        print("usage: python docs/measured_pages.py [build/measured.json]", file=sys.stderr)
+    if len(arguments) != 1:
+        print("usage: python docs/measured_pages.py build/measured.json", file=sys.stderr)
         return 2
-    for path in arguments:
-        data = json.loads(Path(path).read_text())
-        write_text(KEPT, json.dumps(summary(data), indent=1, sort_keys=True) + "\n")
-    for path, text in renew().items():
-        write_text(path, text)
+    data = json.loads(Path(arguments[0]).read_text())
+    write_text(STORED, json.dumps(summary(data), indent=1, sort_keys=True) + "\n")
     return 0
 
 

@@ -1,46 +1,35 @@
-"""Generated parts of the pages: what the code knows is written by the code.
+"""Generated parts of the pages: a line `<!-- generated: NAME -->` of a page becomes a table on the site.
 
-    docs/blocks/registers.md    the register map                   fpga_model.registers.table_markdown
-    docs/configuration.md       keys, limits, faults               docs/config_page.py
-    docs/design_of_loops.md     keys of a target                   docs/config_page.py
-    docs/phases.md              phase budget of the defaults       testbench.run.budget, testbench.run.tables
-    docs/paper.md               the paper's numbers, judged        testbench.judge, testbench.paper.closed_form
-    docs/ranges.md              proven ranges                      docs/ranges_page.py
-    docs/blocks/                ports of each block                docs/blocks_page.py
-    docs/boards/paper.toml      the default board, sourced         docs/config_page.py
-    docs/README.md              index of the pages                 their titles
-    docs/parts/cv_noise.md, thermal.md, phases.md
-                                what laws over temperature give    docs/laws_page.py
-    docs/inference.md           what the inference found           docs/inference_page.py
-    docs/effects/README.md      index of the effects               analog_frontend.effects.catalogue
+    part(name)         Markdown of PARTS[name], or of the measured tables in a file NAME.json of docs/results
+    with_parts(text)   a page with all its parts
 
-    python docs/pages.py            write what is stale
-    python docs/pages.py --check    name what is stale, exit code 1
-
-A part stands between `<!-- NAME: written by ... -->` and `<!-- end -->`; the register map is known by its head.
-Source  docs/README.md
+    python docs/pages.py            write the one generated file of the repository, docs/boards/paper.toml
+    python docs/pages.py --check    exit code 1 if it is stale
+Source  docs/architecture.md
 """
 
-import ast
 import json
 import math
+import re
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-import blocks_page  # noqa: E402
-import config_page  # noqa: E402
 import inference_page  # noqa: E402
 import laws_page  # noqa: E402
+import measured_pages  # noqa: E402
 import ranges_page  # noqa: E402
+import rtl_page  # noqa: E402
 
-from analog_frontend.effects import catalogue  # noqa: E402
-from fpga_model import registers  # noqa: E402
+from analog_frontend.parts.provenance import ASSUMED, PLANT  # noqa: E402
 from testbench import config  # noqa: E402
-from testbench.config import Config  # noqa: E402
-from testbench.console.markdown import markdown, replace_part  # noqa: E402
+from testbench.commands import reference_tables  # noqa: E402
+from testbench.config import Config, Nominal  # noqa: E402
+from testbench.config.toml_text import toml_value  # noqa: E402
+from testbench.console.markdown import markdown  # noqa: E402
+from testbench.console.results import FOLDER, results_markdown  # noqa: E402
 from testbench.console.text_table import Table, to_decimals  # noqa: E402
 from testbench.judge import judge, phases  # noqa: E402
 from testbench.judge.number_verdict import NOT_COMPUTED  # noqa: E402
@@ -49,19 +38,8 @@ from testbench.run import budget, run_tables  # noqa: E402
 from testbench.run.budget import NODES, PAPER_DEG  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
-FOLDERS = (
-    ("Firmware, a page per block", "blocks", "fpga_model"),
-    ("Plant, a page per part", "parts", "analog_frontend"),
-    ("Effects", "effects", "analog_frontend/effects"),
-    ("Decisions", "decisions", ""),
-)
-
-
-def register_map(page):
-    """docs/blocks/registers.md with its table renewed."""
-    head = registers.table_markdown().split("\n", 1)[0]
-    begin = page.index(head)
-    return page[:begin] + registers.table_markdown() + page[page.index("\n\n", begin) :]
+MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.M)
+PAPER_JUDGED = FOLDER / "paper_judged.json"
 
 
 # ---- phase budget ----------------------------------------------------------------------------------------------------
@@ -141,26 +119,17 @@ def rivals_part():
 # ---- the paper's numbers ---------------------------------------------------------------------------------------------
 
 
-def without_simulation():
-    """The `Model` of the default board, with changes of the linear loop to the third decimal.
-
-    Linear algebra of another processor moves its bandwidth by 5e-6 Hz: more digits would be that machine's.
-    """
-    model = closed_form.default()
-    return model._replace(loop_change={n: v._replace(value=round(v.value, 3)) for n, v in model.loop_change.items()})
-
-
 def judged_part():
     """Every number of the paper, judged by what takes no simulation, and the fitted values behind it."""
-    rows = judge.rows(without_simulation())
+    rows = judge.rows(closed_form.rounded_default())
     table, keys = judge_table.document(rows)
     return "\n\n".join((judge_table.sentence(rows), markdown(table), markdown(keys)))
 
 
 def simulated_part():
-    """The numbers that take a simulation, judged by the values that a study has left in docs/paper_judged.json."""
-    kept = simulated.from_json(json.loads((ROOT / "docs" / "paper_judged.json").read_text()), Config())
-    found, plain = judge.rows(kept), judge.rows(without_simulation())
+    """The numbers that take a simulation, judged by the values that a study has left in PAPER_JUDGED."""
+    kept = simulated.from_json(json.loads(PAPER_JUDGED.read_text()), Config())
+    found, plain = judge.rows(kept), judge.rows(closed_form.rounded_default())
     only = [b for a, b in zip(plain, found) if NOT_COMPUTED in a.basis and NOT_COMPUTED not in b.basis]
     table, _ = judge_table.document(only)
     heads = [k for k, head in enumerate(table.heads) if head != "rests on"]
@@ -170,110 +139,119 @@ def simulated_part():
     )
 
 
-# ---- index -----------------------------------------------------------------------------------------------------------
+# ---- keys, effects, registers ----------------------------------------------------------------------------------------
 
 
-def title(path, package):
-    """(link text, what it is about) of a page: its heading, or the first line of the module with its name."""
-    heading = path.read_text().split("\n", 1)[0].removeprefix("# ").strip()
-    name, colon, about = heading.partition(": ")
-    if colon:
-        return name, about
-    module = next((ROOT / package).rglob(f"{path.stem}.py"), None) if package else None
-    if module:
-        return path.stem, ast.get_docstring(ast.parse(module.read_text())).split("\n", 1)[0].rstrip(".")
-    return heading, ""
+def code_cells(table, *columns):
+    """The table with these columns as code, without its title: the page has a heading."""
+    escaped = [tuple(cell.replace("|", "\\|") for cell in row) for row in table.rows]
+    rows = [tuple(f"`{c}`" if k in columns and c else c for k, c in enumerate(row)) for row in escaped]
+    return table._replace(title="", rows=rows)
 
 
-def index_part():
-    """Lists of the pages of each folder."""
+def keys_part():
+    """A table of keys for each section."""
     parts = []
-    for text, folder, package in FOLDERS:
-        lines = [f"### {text}", ""]
-        for path in sorted((ROOT / "docs" / folder).glob("*.md")):
-            name, about = title(path, package)
-            lines.append(f"- [{name}]({folder}/{path.name})" + (f": {about}" if about else ""))
-        parts.append("\n".join(lines))
+    for section in config.sections():
+        table = reference_tables.section_table(section)
+        parts += [f"### [{section}]", table.title.partition(": ")[2], markdown(code_cells(table, 0, 1))]
     return "\n\n".join(parts)
 
 
 def effects_part():
-    """One row per effect of the catalogue, by its id."""
-    rows = []
-    for effect in sorted(catalogue.LAWS, key=lambda e: e.IDS):
-        name = effect.INFO.name
-        about = effect.DOC.replace("|", "\\|")
-        rows.append((effect.IDS, about, f"`effects.{name}`", f"[{name}]({name}.md)"))
-    return markdown(Table("", ("id", "what", "switched on by", "page"), rows, numeric=()))
+    """A row for each effect of the catalogue, with a link to its page."""
+    table = reference_tables.effect_table()
+    rows = [(i, f"[{key}](../analog_frontend/effects/{key}.py)", *rest) for i, key, *rest in code_cells(table).rows]
+    return markdown(table._replace(title="", rows=rows))
 
 
-# ---- pages -----------------------------------------------------------------------------------------------------------
+def sealed_part():
+    """Rates of the published run on sealed records."""
+    from tests.sealed import score, strata
+    from tests.sealed.__main__ import SCORED
+
+    tables = strata.read()
+    _, rows, wide = score.read(SCORED.read_text())
+    return score.table(rows, wide, tables.wide["disguises"], tables.effect["d"][0])
 
 
-def with_parts(**parts):
-    """Function that renews the named parts of a page by what these functions return."""
-
-    def renewed(page):
-        for name, part in parts.items():
-            page = replace_part(page, name, part())
-        return page
-
-    return renewed
+# ---- all parts -------------------------------------------------------------------------------------------------------
 
 
-def block_page(stem):
-    """Function that renews the page of a block."""
-    ports = with_parts(ports=lambda: blocks_page.ports_part(stem))
-    return (lambda page: ports(register_map(page))) if stem == "registers" else ports
-
-
-PAGES = {
-    **{f"docs/blocks/{stem}.md": block_page(stem) for stem in blocks_page.stems()},
-    "docs/configuration.md": with_parts(faults=config_page.faults_table, keys=config_page.markdown_table),
-    "docs/boards/paper.toml": config_page.paper_board,
-    "docs/design_of_loops.md": with_parts(target=config_page.target_table),
-    "docs/paper.md": with_parts(judged=judged_part, simulated=simulated_part),
-    "docs/inference.md": with_parts(**inference_page.PARTS),
-    "docs/phases.md": with_parts(budget=budget_part, lock=lock_part, rivals=rivals_part, rise=laws_page.rise_part),
-    "docs/parts/cv_noise.md": with_parts(shares=laws_page.shares_part, noise=laws_page.noise_part),
-    "docs/parts/thermal.md": with_parts(scale=laws_page.scale_part, bias=laws_page.bias_part),
-    "docs/ranges.md": with_parts(
-        cases=ranges_page.summary_part, instances=ranges_page.wiring_part, registers=ranges_page.registers_part
-    ),
-    "docs/README.md": with_parts(index=index_part),
-    "docs/effects/README.md": with_parts(effects=effects_part),
+PARTS = {
+    "keys": keys_part,
+    "faults": lambda: markdown(code_cells(reference_tables.fault_table(), 0)),
+    "target": lambda: markdown(code_cells(reference_tables.target_table(), 0, 1)),
+    "effects": effects_part,
+    "register_map": lambda: markdown(code_cells(reference_tables.register_table())),
+    "judged": judged_part,
+    "simulated": simulated_part,
+    "budget": budget_part,
+    "lock": lock_part,
+    "rivals": rivals_part,
+    "rise": laws_page.rise_part,
+    "cv_noise_shares": laws_page.shares_part,
+    "cv_noise": laws_page.noise_part,
+    "thermal_scale": laws_page.scale_part,
+    "thermal_bias": laws_page.bias_part,
+    "ranges_cases": ranges_page.summary_part,
+    "ranges_instances": ranges_page.wiring_part,
+    "ranges_registers": ranges_page.registers_part,
+    "rtl_mutation": rtl_page.mutation_part,
+    "rtl_times": rtl_page.times_part,
+    "sealed": sealed_part,
+    **{f"inference_{name}": part for name, part in inference_page.PARTS.items()},
+    **measured_pages.PARTS,
 }
-OF_EFFECTS = ("docs/configuration.md", "docs/README.md", "docs/effects/README.md")
 
 
-def stale(names=None):
-    """{path: renewed text} of those pages (None: all) whose generated parts are not what the code says."""
-    now = {name: (ROOT / name).read_text() for name in names or PAGES}
-    renewed = {name: PAGES[name](page) for name, page in now.items()}
-    return {name: text for name, text in renewed.items() if text != now[name]}
+def part(name):
+    """Markdown of a part; KeyError for a name that neither PARTS nor docs/results knows."""
+    if name in PARTS:
+        return PARTS[name]()
+    if not (FOLDER / f"{name}.json").is_file():
+        raise KeyError(f"no generated part {name!r}: neither in docs/pages.py nor in docs/results")
+    return results_markdown(name)
 
 
-def renew(names=None):
-    """Write those of the pages that are stale; returns their paths."""
-    changed = stale(names)
-    for name, text in changed.items():
-        write_text(ROOT / name, text)
-    return list(changed)
+def with_parts(text):
+    """A page with its generated parts."""
+    return MARKER.sub(lambda found: part(found[1]), text)
+
+
+# ---- the paper's board -----------------------------------------------------------------------------------------------
+
+PAPER_HEAD = """\
+# The paper's board: the defaults of [nominal], written by docs/pages.py from analog_frontend/parts/provenance.py.
+# fact: read in a source   derived: from others   fitted: to a number of the paper   assumed: none of these
+
+[nominal]
+"""
+
+
+def paper_board():
+    """docs/boards/paper.toml: every default of the nominal board with its source."""
+    lines = []
+    for key, info in Nominal.model_fields.items():
+        kind = PLANT[key].kind if key in PLANT else ASSUMED
+        lines.append(f"{key} = {toml_value(info.default)}  # {kind}: {info.description}")
+    return PAPER_HEAD + "\n".join(lines) + "\n"
 
 
 def main(arguments=None):
-    """Write stale pages, or with --check only name them; returns the exit code."""
+    """Write docs/boards/paper.toml, or with --check say whether it is stale; returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments not in ([], ["--check"]):
         print("usage: python docs/pages.py [--check]", file=sys.stderr)
         return 2
+    path = ROOT / "docs" / "boards" / "paper.toml"
+    if path.read_text() == paper_board():
+        return 0
     if arguments:
-        changed = list(stale())
-        for name in changed:
-            print(f"{name} is stale; run: python docs/pages.py", file=sys.stderr)
-        return 1 if changed else 0
-    for name in renew():
-        print(f"written: {name}")
+        print(f"{path.relative_to(ROOT)} is stale; run: python docs/pages.py", file=sys.stderr)
+        return 1
+    write_text(path, paper_board())
+    print(f"written: {path.relative_to(ROOT)}")
     return 0
 
 

@@ -1,7 +1,7 @@
 """The pictures of the pages: python docs/pictures.py [NAME ...] writes docs/pictures/*.png, all or those named.
 
 phase_budget.png    what each of the four phase lags is made of, from `gyro budget`
-startup.png         from power-on to lock, from `gyro run --seconds 1 --rate-dps 100 --seed 1`
+startup.png, rate_step.png, spectra.png     what `gyro run --seconds 1 --rate-dps 100 --seed 1` writes
 block_diagram.png   the closed loop: blocks of the firmware and parts of the plant, with the rates between them
 divergence.png      one register of the model and of a faulty design, from `gyro golden check`; needs Icarus Verilog
 trace.png           residual on held-out data before and after an effect is named: the toy problem of the tests
@@ -84,15 +84,31 @@ def phase_budget():
     return figure
 
 
-# ---- start-up --------------------------------------------------------------------------------------------------------
+# ---- a run -----------------------------------------------------------------------------------------------------------
+
+RUN = ("run", "--seconds", "1", "--rate-dps", "100", "--seed", "1")
+
+
+def run_picture(name):
+    """Path of the picture that a run writes, in a folder that the caller removes."""
+    folder = tempfile.mkdtemp()
+    app([*RUN, "--out", folder], standalone_mode=False)
+    return Path(folder) / f"{name}.png"
 
 
 def startup():
-    """Path of the picture that a run writes, in a folder that the caller removes."""
-    folder = tempfile.mkdtemp()
-    arguments = ["run", "--seconds", "1", "--rate-dps", "100", "--seed", "1", "--out", folder]
-    app(arguments, standalone_mode=False)
-    return Path(folder) / "startup.png"
+    """From power-on to lock."""
+    return run_picture("startup")
+
+
+def rate_step():
+    """Answer of the rate output to a step of the rate."""
+    return run_picture("rate_step")
+
+
+def spectra():
+    """Spectra of the codes of both DACs."""
+    return run_picture("spectra")
 
 
 # ---- block diagram ---------------------------------------------------------------------------------------------------
@@ -305,7 +321,8 @@ def loop_margins():
     return loop_pictures.bode(planned, advisor.analyse(planned))
 
 
-PICTURES = {f.__name__: f for f in (phase_budget, startup, block_diagram, divergence, trace, loop_margins)}
+OF_RUN = (startup, rate_step, spectra)
+PICTURES = {f.__name__: f for f in (phase_budget, *OF_RUN, block_diagram, divergence, trace, loop_margins)}
 
 
 def main(names):

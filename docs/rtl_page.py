@@ -1,4 +1,4 @@
-"""The generated tables of docs/rtl.md.
+"""Generated tables of docs/rtl.md, from testbench/golden/bundles/scores.json and docs/results/rtl_resources.json.
 
     python docs/rtl_page.py scores OUT    take over what `make rtl` left in OUT/golden; scores and times
     python docs/rtl_page.py resources     synthesise with yosys; cells of each family
@@ -14,12 +14,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from testbench.console.markdown import replace_part  # noqa: E402
+from testbench.console.results import write_results  # noqa: E402
+from testbench.console.text_table import Table  # noqa: E402
 from testbench.golden.bundles import scores  # noqa: E402
 from testbench.golden.proofs import synthesis  # noqa: E402
 from testbench.storage.files import write_text  # noqa: E402
 
-PAGE = ROOT / "docs" / "rtl.md"
+RESOURCES = "rtl_resources"
 # Rows of the table: what is counted, and the cells of each family
 ROWS = (
     ("4-input tables", {"ecp5": r"LUT4", "ice40": r"SB_LUT4"}),
@@ -57,17 +58,27 @@ def times(took):
     return "\n".join([*lines, "| all | | " + " | ".join(f"{t:.0f}" for t in total) + " |"])
 
 
+def mutation_part():
+    """Scores of the stored run."""
+    return scores_table(scores.stored_scores()["mutation"])
+
+
+def times_part():
+    """Times of the stored run."""
+    return times(scores.stored_scores()["times"])
+
+
 def netlists_table(netlists):
-    """Markdown of the counts, a column per netlist."""
+    """Table of the counts, a column per netlist."""
     heads = [f"{n.family}, {n.board} SID" for n in netlists]
-    lines = [f"| proxy | {' | '.join(heads)} |", f"|---|{'---:|' * len(heads)}"]
-    lines += [f"| {text} | {' | '.join(str(n.count(cells[n.family])) for n in netlists)} |" for text, cells in ROWS]
+    rows = [(text, *(str(n.count(cells[n.family])) for n in netlists)) for text, cells in ROWS]
     version = re.match(r"Yosys \S+", netlists[0].yosys)[0]
-    return "\n".join(lines) + f"\n\n{version}; parameters of the default configuration; not placed, not routed."
+    note = f"{version}; parameters of the default configuration; not placed, not routed."
+    return Table("", ("proxy", *heads), rows, note, tuple(range(1, len(heads) + 1)))
 
 
 def write_scores(out):
-    """Take over the files of a folder that are there, and write both tables; returns the exit code."""
+    """Take over the files of a folder that are there; returns the exit code."""
     out, known = Path(out) / "golden", scores.stored_scores()
     names = {"mutation": scores.MUTATION, "times": scores.TIMES}
     fresh = {key: json.loads((out / name).read_text()) for key, name in names.items() if (out / name).is_file()}
@@ -76,20 +87,18 @@ def write_scores(out):
         return 2
     found = {"mutation": fresh.get("mutation", known["mutation"]), "times": known["times"] | fresh.get("times", {})}
     write_text(scores.FILE, json.dumps(found, indent=1) + "\n")
-    text = replace_part(PAGE.read_text(), "mutation", scores_table(found["mutation"]))
-    write_text(PAGE, replace_part(text, "times", times(found["times"])))
-    print(f"written: {scores.FILE.name}, {PAGE.name}")
+    print(f"written: {scores.FILE.name}")
     return 0
 
 
 def write_resources():
-    """Measure the netlists, and write their table; returns the exit code."""
+    """Measure the netlists, and store their table; returns the exit code."""
     netlists = []
     for family in synthesis.MAPPERS:
         netlists.append(synthesis.synthesise(synthesis.RTL, family))
         print(netlists[-1].text(), flush=True)
-    write_text(PAGE, replace_part(PAGE.read_text(), "resources", netlists_table(netlists)))
-    print(f"written: {PAGE.name}")
+    path = write_results(RESOURCES, "python docs/rtl_page.py resources", [netlists_table(netlists)])
+    print(f"written: {path.name}")
     return 0
 
 

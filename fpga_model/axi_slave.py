@@ -16,7 +16,8 @@ Formats   wdata, rdata, word [0,32,0]   awaddr, araddr, address [0,11,0]   wstrb
 Latency   2 clocks from the edge that takes a request to the one that sees its response valid
 Rounding  none
 Overflow  none
-Source    docs/blocks/axi_slave.md; ARM IHI 0022 (AXI4-Lite)
+Cost      99 register bits
+Source    docs/host_port.md; ARM IHI 0022 (AXI4-Lite)
 """
 
 from typing import NamedTuple
@@ -36,7 +37,7 @@ LATENCY = 2
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     awready: BIT = 1
     awaddr: ADDRESS = 0
@@ -93,7 +94,7 @@ def done(s, rready):
 
 @inlined
 def step(s, awvalid, awaddr, wvalid, wdata, wstrb, bready, arvalid, araddr, rready, word):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     awready, wready, bvalid, bresp = s.awready, s.wready, s.bvalid, s.bresp
     takes_address = 1 if s.awready == 1 and awvalid == 1 else 0
     takes_data = 1 if s.wready == 1 and wvalid == 1 else 0

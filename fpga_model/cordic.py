@@ -18,9 +18,16 @@ Formats   x_in, y_in [1,23,0]   x [0,25,8]   y [1,24,8]   angle [1,-1,32] turn  
 Latency   26 clocks from start to done (load, 24 rotations or holds, finish); done lasts one clock, the results stay
 Rounding  ties toward +inf at every shift and at both results; 8 guard bits (`cordic_guard_bits`)
 Overflow  x, y and magnitude cannot overflow; angle and phase wrap at one turn (plus half a turn reads as minus half)
-Source    docs/blocks/cordic.md (error bounds)
+Cost      154 register bits, 3 less for each guard bit less; three adders of 33 bits, two shifters
+Error     magnitude: at most 0.57 LSB, for a vector of 1 LSB or more
+          phase: at most 0.87 LSB + 0.077 rad / r, r the length of the input in LSB
 
-A start while busy abandons the running vector and loads the new one.
+A start while busy abandons the running vector and loads the new one. On the negative x axis the phase reads -2**23 or
+2**23 - 1: take differences of phases modulo one turn. The phase error doubles when the vector halves; below 3 % of full
+scale its second part is the larger. With 8 guard bits the rotations stay below the quantisation of the input.
+
+A design has 8 to 24 rotations and 0 to 8 guard bits: tests/fpga_model/test_cordic.py has the bounds. With n = 8 the
+phase is off by up to 0.45 degree, and the frequency loop moves between two of its 2**n values.
 """
 
 from fractions import Fraction
@@ -84,7 +91,7 @@ def gain(iterations=ITERATIONS):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     x: X = 0
     y: Y = 0
@@ -107,7 +114,7 @@ def negated(x):
 
 @inlined
 def step(d, s, start, x_in, y_in):
-    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    """One clock edge."""
     if start:
         return State(
             x=(-x_in if x_in < 0 else x_in) << d.cordic_guard_bits,

@@ -12,9 +12,10 @@ Formats   word, offsets, phase and outputs [0,0,48] (`dds_bits`), unsigned turns
 Latency   1 clock from phase to an output, from an offset to its output, and from word to phase
 Rounding  none
 Overflow  every sum wraps at one turn: phase arithmetic is modular
-Source    docs/blocks/dds.md
+Cost      240 register bits, five 48-bit adders
 
-A positive offset advances its output. Frequency = word * 26 MHz / 2**48: the LSB of word is 92.4 nHz (32 bits: 6 mHz).
+A positive offset advances its output. The offsets, 0 at reset, are the firmware's only means against phase errors.
+Frequency = word * 26 MHz / 2**48: the LSB of word is 92.4 nHz (32 bits: 6 mHz, a fifth of the half-bandwidth).
 """
 
 from fractions import Fraction
@@ -31,7 +32,7 @@ assert add_fmt(PHASE, PHASE).width <= 63, "the sum must fit int64 before it wrap
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     phase: PHASE = 0
     drive_sine: PHASE = 0
@@ -65,7 +66,7 @@ def offset_of_deg(offset_deg, d=DEFAULT):
 
 @inlined
 def step(d, s, word, off_drive_sine, off_sense_sine, off_drive_ref, off_sense_ref):
-    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    """One clock edge."""
     n = d.dds_bits
     return State(
         phase=wrap_unsigned(s.phase + word, n),

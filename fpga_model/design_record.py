@@ -3,7 +3,10 @@
     tick = tick_clocks clocks, one update of the DACs        frame = frame_ticks ticks, one conversion of the ADC
 
 Formats   each field unsigned, of the bits in its annotation
-Source    docs/blocks/design_record.md (what each field means, and its limits)
+Source    docs/firmware.md (another design, and what is refused)
+
+The fields are keys of `[design]`: `gyro config --keys`. `Fmt(0, 0, width("dds_bits"))` is [0,0,48] by default, and
+`fmt.for_design(design)` the format of another design. Kernels take the record at run time: nothing is compiled again.
 """
 
 from functools import cache

@@ -15,11 +15,15 @@ Formats   samples [1,17,0] of 5 V   refs 4 bits   acc [1,24,0]   pole1..3 [1,24,
 Latency   4 clocks from dump to valid; valid lasts one clock, the codes stay
 Rounding  ties toward +inf in each pole and in the code; 16 fraction bits keep the dead zone below 0.01 code
 Overflow  acc saturates (never with 125 samples); the poles cannot overflow; codes and still saturate
-Source    docs/blocks/digital_sid.md
+Cost      756 register bits; 12 + 4 products per frame on one 42 x 21 bit multiplier
 
 Order of the four: drive sin, drive cos, sense sin, sense cos, as in the reference word. `dump` acts with ce_1m only.
-A limit of 0 switches the check off. One count is for both samples: a frozen one rests in every tick, noise lets one of
-them rest for few ticks in a row. The codes are filtered and cannot tell.
+Each pole takes the new value of the one before, so no frame of delay is added. The poles (50 Hz, alpha = 0.038508) are
+not for noise: without their lag the rate loop is unstable at the split.
+
+A sample arrives `ref_delay` ticks after its aperture and is weighed with the references of then. One count of 4000
+ticks, 4 ms, watches both samples: a frozen one rests in every tick, noise lets one rest for few ticks in a row. A limit
+of 0 switches the check off. The codes are filtered and cannot tell.
 The gain makes a code mean what it means on the board with the analogue demodulator: volts * 4/pi * PGA / 4 V * 2**23.
 """
 
@@ -50,7 +54,7 @@ assert add_fmt(mul_fmt(POLE, GAIN), bits(1)).width <= 63, "the scaled output and
 
 
 class Params(NamedTuple):
-    """Machine units in their formats; build with `design`."""
+    """Machine units; build with `design`."""
 
     alpha: ALPHA
     gain_x: GAIN
@@ -60,7 +64,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     refs: [bits(4)] * 4 = (0, 0, 0, 0)
     acc: [ACC] * 4 = (0, 0, 0, 0)
@@ -154,7 +158,7 @@ def _code(gain, y):
 
 @inlined
 def step(p, s, ce_1m, dump, refs, sample_x, sample_y):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     line, acc, pole1, pole2, pole3, codes = s.refs, s.acc, s.pole1, s.pole2, s.pole3, s.codes
     stage, valid, last, still, ok = 0, 0, s.last, s.still, s.ok
     if s.stage == 1:

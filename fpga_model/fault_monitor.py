@@ -6,23 +6,34 @@
 
     symptom_k --[count_k]--(= frames_k)--[flags]--(or)--[latch]-->     [..] register
 
-    OVER_RANGE       a code at or beyond +-0x7FFF00           LOST_LOCK, SEARCH_FAILED   levels from the sequencer
-    STALE            no valid frame; no debounce              DRIVE_SATURATED            amplitude at its ceiling
-    STUCK            a code is that of the last frame         RATE_SATURATED             rate word at a limit
-                                                              QSC_RAIL                   u at 0 or at the rail
+    bit, flag            symptom                                debounce          what it does
+    0 OVER_RANGE         a code at or beyond +-0x7FFF00         1 ms, 8 frames    the loops go on: the sign is right
+    1 LOST_LOCK          amplitude or phase lost                of lock_monitor   starts again at KICK, FTR and QSC off
+    2 STALE              no valid frame, or watchdog            none              loops hold; 100 ms: STANDBY
+    3 STUCK              a code is that of the last frame       4 ms, 32 frames   as STALE
+    4 DRIVE_SATURATED    amplitude at its ceiling, from SETTLE  1 ms, 8 frames    flag only
+    5 RATE_SATURATED     force word at a limit                  1 ms, 8 frames    flag only
+    6 QSC_RAIL           u at 0 or at the rail, loop closed     10 ms, 80 frames  flag only; lock is kept
+    7 SEARCH_FAILED      nothing found, or too slow             none              starts again at KICK
+
     bad   = STALE or STUCK;   bad_frames, good_frames count the frames in a row, up to `top`
 
 Formats   codes [1,23,0]   counts [0,12,0]   bad_frames, good_frames [0,16,0]   flags, latch, clear [0,8,0]
 Latency   1 clock from en to flags; frames_k frames from the symptom
 Rounding  none
 Overflow  the counts saturate
-Source    docs/blocks/fault_monitor.md
+Cost      204 register bits, comparators only
+Source    docs/decisions/0016-frozen-channels.md
 
-STUCK has one count for all four codes: a frozen one repeats in every frame, noise repeats some code in few frames in a
-row. A code at its limit is clipped and may rest: it counts for OVER_RANGE alone.
+LOST_LOCK and SEARCH_FAILED are live until the drive is locked. A live fault cannot be cleared.
 
-Without `armed` everything stays at its reset value, but the codes. A frame that is not valid tells nothing about
-its codes: OVER_RANGE and STUCK start again.
+STUCK has one count for all four codes: a frozen one repeats in every frame. Noise repeats some code in 0.30 of the
+frames: 32 in a row have probability 2e-17. With less noise codes may rest: `stuck_s` = 0 switches STUCK off, as on the
+board `digital_sid`. It is watched from SEARCH on, and in STANDBY until the codes move. A code at its limit is clipped
+and may rest: it counts for OVER_RANGE alone.
+
+Without `armed` (POWER_UP, INIT) everything stays at its reset value, but the codes. A frame that is not valid tells
+nothing about its codes: OVER_RANGE and STUCK start again.
 """
 
 from typing import NamedTuple
@@ -67,7 +78,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     codes: [CODE] * 4 = (0, 0, 0, 0)
     over_range: COUNT = 0
@@ -118,7 +129,7 @@ def _rests(code, before, extreme):
 
 @inlined
 def step(p, s, en, armed, fresh, codes, drive, rate, rail, watch_stuck, levels, clear):
-    """One clock edge: every right-hand side reads the old registers; `levels` is LOST_LOCK and SEARCH_FAILED."""
+    """One clock edge; `levels` is LOST_LOCK and SEARCH_FAILED."""
     if not en:
         return s
     if not armed:

@@ -9,7 +9,10 @@ of another one. Sums, differences and `most` of widths keep the rule; any other 
 
 Rounding  `n` LSBs are dropped, 0 <= n <= 62; the names say what happens to ties (`half_*`) or to everything else
 Overflow  `clamp` saturates, `wrap` keeps the low bits (two's complement), `wrap_unsigned` for phase-like words
-Source    docs/blocks/fixed.md (truth table, and what each tool calls each rule)
+Source    fpga_model/rounding_aliases.py (what other tools call each rule)
+
+`floor` is free in gates but shifts the mean by half an LSB, which an integrator turns into a ramp. `half_up`, one carry
+input, is the rule of the blocks unless they say otherwise. Round first, then saturate: rounding can pass the maximum.
 """
 
 from fractions import Fraction

@@ -11,9 +11,11 @@ Formats   phase, error [1,-1,24] turn   correction [1,-1,48]   preset, centre, w
 Latency   4 clocks from en to word when en_pi follows en by one clock
 Rounding  as pi.py
 Overflow  loop.y saturates at its limits (+-100 Hz); centre and word are modulo one turn per clock, out of reach
-Source    docs/blocks/frequency_tracker.md
+Cost      276 register bits, the multipliers of pi.py
 
 The phase is the lead of x on the DDS: it rises while the resonator is faster than the word, so the gains are positive.
+The gain does not depend on the amplitude, and the error needs no clamp: half a turn asks for 9.4 Hz. `load` keeps
+FREQUENCY_FIXED in the centre until the search; `adjust` adds once what it found.
 """
 
 from math import pi as PI
@@ -36,13 +38,13 @@ NOMINAL_WORD = dds.word_of_hz(NOMINAL_HZ)
 
 
 class Params(NamedTuple):
-    """Machine units in their formats; build with `design`."""
+    """Machine units; build with `design`."""
 
     loop: pi.Params
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     error: ERROR = 0
     centre: WORD = NOMINAL_WORD
@@ -85,7 +87,7 @@ def design(crossover_hz=3.0, zero_hz=0.6, limit_hz=100.0, d=DEFAULT):
 
 @inlined
 def step(d, p, s, en, en_pi, mode, phase, load, adjust, correction, preset):
-    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    """One clock edge."""
     centre = s.centre
     if en and load:
         centre = preset

@@ -5,7 +5,9 @@
                                  '-- value of the register at the slave's address
 
 A firmware without the port keeps the bank's write port for another master; nothing of `top` changes.
-Source    docs/blocks/host.md
+
+Cost      385 register bits
+Source    docs/host_port.md
 """
 
 from __future__ import annotations  # a field may bear the name of its module
@@ -63,7 +65,7 @@ def pins(s):
 
 @inlined
 def step(p, s, f, i):
-    """One clock edge of the port: every right-hand side reads the old registers.
+    """One clock edge of the port.
 
     f  registers of the firmware before the edge, `top.State`
     """

@@ -4,7 +4,8 @@
                           ^           '--> data ready
                           '-- value of the register at the slave's address
 
-Source    docs/blocks/host.md
+Cost      365 register bits
+Source    docs/host_port.md
 """
 
 from __future__ import annotations  # a field may bear the name of its module
@@ -68,7 +69,7 @@ def pins(s):
 
 @inlined
 def step(p, s, f, i):
-    """One clock edge of the port: every right-hand side reads the old registers.
+    """One clock edge of the port.
 
     f  registers of the firmware before the edge, `top.State`
     """

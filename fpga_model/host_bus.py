@@ -16,7 +16,8 @@ Formats   address [0,11,0] bytes   data, rdata, low [0,32,0]   value, bank_data 
 Latency   1 clock from write to bank_write and clear, from frame to a sample and data_ready; 0 to rdata, bus_status
 Rounding  none
 Overflow  frames wraps; unread and unread_after stop at 2
-Source    docs/blocks/host_bus.md
+Cost      266 register bits
+Source    docs/host_port.md
 """
 
 from typing import NamedTuple
@@ -119,7 +120,7 @@ def design(d=DEFAULT):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     high: HIGH = 0
     high_of: registers.ADDRESS = 0
@@ -174,7 +175,7 @@ def data_ready(s):
 
 @inlined
 def step(p, s, address, fetch, start, done, write, data, value, frame, valid, rate, temperature, k, flags, state, lock):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     register = address >> REGISTER_AT
     second = (address >> 2) & 1
     high, high_of = s.high, s.high_of

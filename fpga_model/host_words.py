@@ -1,6 +1,6 @@
 """Port and firmware: the word of each register that a host reads, and what the bus takes of a firmware. Selection only.
 
-Source    docs/blocks/host.md
+Source    docs/host_port.md
 """
 
 from fpga_model import host_bus, rates, registers

@@ -16,9 +16,10 @@ Formats   u, radicand [0,32,0]   root, y [0,16,0]   remainder [0,17,0]   i [0,4,
 Latency   17 clocks from start to done; y stays until the next result
 Rounding  toward zero (the floor of the root), exact: root**2 <= u < (root + 1)**2
 Overflow  none possible: remainder never exceeds 2*root; radicand drops the bits already used
-Source    docs/blocks/isqrt.md
+Cost      87 register bits, one subtractor of 19 bits
 
-A start while busy abandons the running value and loads the new one.
+A start while busy abandons the running value and loads the new one. After k iterations root and remainder are those of
+the top 2k bits of u.
 """
 
 from typing import NamedTuple
@@ -39,7 +40,7 @@ assert max(REMAINDER.width, RADICAND.width) + 2 <= 63, "four times a register mu
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     radicand: RADICAND = 0
     root: ROOT = 0
@@ -55,7 +56,7 @@ STATE_FMT = formats(State)
 
 @inlined
 def step(s, start, u):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     if start:
         return State(radicand=u, root=0, remainder=0, i=0, busy=1, done=0, y=s.y)
     if s.busy == 0:

@@ -112,7 +112,7 @@ def _fault(folder):
     """Why a folder is no place for machine code, in words, or None; it is made, and closed to others."""
     try:
         if link := shared_files.foreign_link(folder):
-            return f"leads through {link}, a link of another user"
+            return f"is reached through {link}, a link of another user"
         folder.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             folder.mkdir(mode=0o700)
@@ -138,15 +138,17 @@ def cache_root():
         root = Path(cache_setting) if cache_setting else Path.home() / ".cache"
         fault = _fault(root / FOLDER)
     except RuntimeError:  # neither HOME nor an entry in passwd
-        root, fault = None, "no home that can be written"
+        root, fault = None, "no writable home folder"
     if fault is None:
         return root / FOLDER
     where = f"{root / FOLDER} {fault}" if root else fault
     private = Path(tempfile.gettempdir()) / f"{FOLDER}-{os.geteuid()}"
     if _fault(private) or _fault(private / FOLDER):
-        _print_notice(f"{where}: each process compiles its kernels again; set GYRO_CACHE to a folder of your own")
+        _print_notice(
+            f"{where}: kernels are not stored, so each process compiles them; set GYRO_CACHE to a folder of your own"
+        )
         return None
-    _print_notice(f"{where}: compiled kernels are kept in {private}; set GYRO_CACHE to a folder of your own")
+    _print_notice(f"{where}: compiled kernels are stored in {private}; set GYRO_CACHE to a folder of your own")
     os.environ["GYRO_CACHE"] = os.environ["XDG_CACHE_HOME"] = str(private)
     os.environ.setdefault("MPLCONFIGDIR", str(private))
     return private / FOLDER

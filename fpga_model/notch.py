@@ -2,6 +2,7 @@
 
     en    y' = clamp(round(g*(x + x2) + c*(x1 - y1) - (2*g - 1)*y2)),   x1' = x,  x2' = x1,  y1' = y',  y2' = y1
     out   round(y1)                                                     y1 is the value of y after the last en
+    g = 1 / (1 + tan(pi width / 8 kHz))     c = -2 g cos(2 pi centre / 8 kHz)
 
     x --+--[x1]--[x2]     x, x1, x2, y1, y2 --(x g, c)--(+, round, clamp)--[y1]--+--(round)-- out
                                                                                   '--[y2]          [..] register
@@ -10,11 +11,15 @@ Formats   x, x1, x2, out [1,0,23] of 10 V   y1, y2 [1,0,33]   g, c [1,1,22]
 Latency   1 clock from en to out
 Rounding  ties toward +inf in y and in out
 Overflow  y saturates at the limits of the word, so that out cannot overflow
-Source    docs/blocks/notch.md
+Cost      116 register bits, three multipliers
+Source    docs/loop.md (why it stands behind the loop)
 
-H(1) = 1 for any g and c: the filter adds no error to a constant rate. Ten fraction bits keep its dead band below 1 LSB.
-The force does not pass it, so it changes no margin of the loop. A design without it has None in place of its parameters
-and registers (`block.reset`).
+The gain is 0 at the centre, -3 dB at both ends of the width, and 1 at 0 Hz for any g and c: a constant rate keeps its
+word. Ten fraction bits keep the dead band below 1 LSB. The force does not pass it, so it changes no margin of the loop;
+in front of the PI it would take away the feedback that damps the ring at the split.
+
+A design without it (`firmware.notch_hz` = 0) has None in place of its parameters and registers (`block.reset`). Lanes
+engine, Verilog of the whole design and replay of measured records refuse it.
 """
 
 from math import cos, tan
@@ -40,14 +45,14 @@ assert add_fmt(mul_fmt(COEF, DIFFERENCE), mul_fmt(COEF, DIFFERENCE)).width + 2 <
 
 
 class Params(NamedTuple):
-    """Machine units in their formats; build with `design`."""
+    """Machine units; build with `design`."""
 
     g: COEF
     c: COEF
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     x1: WORD = 0
     x2: WORD = 0
@@ -76,7 +81,7 @@ def design(centre_hz, width_hz=20.0, frame_hz=FRAME_HZ):
 
 @inlined
 def step(p, s, en, x):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     if not en:
         return s
     total = p.g * ((x + s.x2) << SHIFT) + p.c * ((s.x1 << SHIFT) - s.y1) - (2 * p.g - ONE) * s.y2

@@ -47,7 +47,7 @@ def design(shared, clocks_before=(0, 0), clocks_after=(0, 0), d=DEFAULT):
         most = min(MOST_CODE_DELAY_CLOCKS, d.tick_clocks - 1 - spi_dac.LOAD_TICK)
         if not 0 <= second <= most:
             raise ValueError(
-                f"firmware.{role}_code_registers = {second} is outside 0 .. {most}, the clocks of a tick behind it"
+                f"firmware.{role}_code_registers = {second} is outside 0 .. {most}, the clocks of a tick after the load"
             )
     pipes = [delay.design(shared + n) for n in clocks_before]
     return Params(*pipes, *(tick + n for n in clocks_after for tick in (spi_dac.CODE_TICK, spi_dac.LOAD_TICK)))

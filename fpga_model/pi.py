@@ -15,10 +15,16 @@ Formats   e [1,25,0]   kp, ki [1,9,24]   prop, acc [1,35,24]   lo, hi, preset, y
 Latency   2 clocks from an enabled e to y, one result per enable
 Rounding  ties toward +inf; products are exact where prop and acc have 24 fraction bits: `accumulator_fraction_bits`
 Overflow  acc and y saturate at lo and hi; prop cannot overflow
-Source    docs/blocks/pi.md
+Cost      156 register bits, 2 less for each fraction bit less; two products of 26 x 34 bits
 
-No mode change makes acc jump but OFF, whose preset is the hand-over value. There is no dead zone: an error of one LSB
-moves acc at every enable, by ki where products are exact, and y then within 2**24 / abs(ki) enables (ki raw).
+Modes are 0 .. 3 in this order. P_ONLY captures without wind-up. No mode change makes acc jump but OFF, whose preset is
+the hand-over value. acc stops at the limit itself, so the first error of the other sign moves it back.
+
+There is no dead zone: an error of one LSB moves acc at every enable, by ki where products are exact, and y then within
+2**24 / abs(ki) enables (ki raw). `design` refuses a gain that rounds to zero.
+
+With F < 24 fraction bits in acc, an error of 1 LSB moves it by 2/3 to 2 times ki*e. ki at or below half an LSB is
+refused: the dead zone would make a limit cycle. `round_gains` rounds kp and ki alone (`coefficient_fraction_bits`).
 """
 
 from fractions import Fraction
@@ -43,7 +49,7 @@ assert add_fmt(PRODUCT, PRODUCT).width + 1 <= 63, "prop + acc and its rounding c
 
 
 class Params(NamedTuple):
-    """Machine units in their formats; build with `design`."""
+    """Machine units; build with `design`."""
 
     kp: COEF
     ki: COEF
@@ -52,7 +58,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     prop: ACC = 0
     acc: ACC = 0
@@ -114,14 +120,14 @@ def check_accumulator(p, fraction_bits):
     ki = Fraction(p.ki, 1 << COEF.f)
     if ki and abs(ki) <= half:
         raise ValueError(
-            f"ki = {float(ki):.4g}, so an error of 1 LSB is lost in {fraction_bits} fraction bits; the limit is above "
+            f"ki = {float(ki):.4g} rounds an error of 1 LSB to zero in {fraction_bits} fraction bits; ki must be above "
             f"{float(half):.4g}, half an LSB"
         )
 
 
 @inlined
 def step(d, p, s, en, mode, e, preset):
-    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    """One clock edge."""
     prop, acc = s.prop, s.acc
     fraction_bits = d.accumulator_fraction_bits
     dropped = PRODUCT_FRACTION - fraction_bits

@@ -10,9 +10,11 @@ Formats   sense_cos [1,23,0]   error [1,24,0]   preset, u [0,32,0] of (5.5 V)**2
 Latency   3 clocks from en to u when en_pi follows en by one clock; then 17 clocks from en_root to the V_q code
 Rounding  as pi.py; the root is cut, which the integrator absorbs
 Overflow  u saturates at 0 and the rail; the negated code cannot overflow its 25 bits
-Source    docs/blocks/quadrature_loop.md
+Cost      268 register bits, the multiplier of pi.py
 
-On u the loop gain does not depend on the voltage. A positive residual coupling makes sense_cos negative and u rise.
+On u the loop gain does not depend on the voltage; on V_q it would be 0 at 0 V. A positive residual coupling makes
+sense_cos negative and u rise. V_q pushes one way only: at 0 or the rail u stops, `railed` is 1, and the sequencer sets
+QSC_RAIL.
 """
 
 from math import pi as PI
@@ -32,13 +34,13 @@ assert isqrt.RADICAND.hi <= pi.OUT.hi, "u must fit the output of the PI"
 
 
 class Params(NamedTuple):
-    """Machine units in their formats; build with `design`."""
+    """Machine units; build with `design`."""
 
     loop: pi.Params
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     error: ERROR = 0
     loop: pi.State = pi.State()
@@ -85,7 +87,7 @@ def design(
 
 @inlined
 def step(d, p, s, en, en_pi, en_root, mode, sense_cos, preset):
-    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    """One clock edge."""
     return State(
         error=-sense_cos if en else s.error,
         loop=pi.step(d, p.loop, s.loop, en_pi, mode, s.error, preset),

@@ -14,9 +14,11 @@ Formats   word [1,23,0]   temperature [1,23,0]   t [1,15,0]   t2 [0,16,0]   b0 [
 Latency   6 clocks from the last en of a mean to valid; valid lasts one clock, y stays
 Rounding  ties toward +inf in t2, scale, corrected, scaled and y; t is cut
 Overflow  corrected, scale and scaled saturate; bias, acc and y cannot overflow
-Source    docs/blocks/rate_output.md
+Cost      285 register bits, 7 products, the largest 32 x 30 bits; they may share a multiplier
 
-With s0 = 2**12 / 8651 the output is in deg/s. One `en` in any six clocks: a sample uses the registers for that long.
+The polynomials are around t = 0, whatever temperature that is; `design` makes register values of a calibration. s0 is
+2**12 / 8651 at reset, so y is in deg/s: +-2048 with an LSB of 0.0034 deg/h. Below 2048 word LSB per deg/s no s0 gives
+deg/s: it is then 0 and y reads 0. One `en` in any six clocks: a sample uses the registers for that long.
 """
 
 from typing import NamedTuple
@@ -71,7 +73,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     stage: bits(5) = 0
     word: CODE = 0
@@ -128,7 +130,7 @@ def design(
 
 @inlined
 def step(p, s, en, word, temperature):
-    """One clock edge: every right-hand side reads the old registers; `stage` walks one bit per clock behind `en`."""
+    """One clock edge; `stage` walks one bit per clock behind `en`."""
     bias = s.bias
     scale = s.scale
     corrected = s.corrected

@@ -10,7 +10,10 @@ Formats   tick [0,5,0]   frame [0,7,0]   slot [0,6,0]
 Latency   1 clock from go to slot = 1; the enables are decoded from the registers
 Rounding  none
 Overflow  tick wraps at 26, frame at 125; slot returns to 0 after SLOTS, a new go restarts it
-Source    docs/blocks/rates.md
+Cost      18 register bits
+
+Slots count from `go`, a valid frame, and not from ce_8k: so the ADC may have a clock of its own. V_q is sent in the
+last of every 1, 2, 4 .. ticks (`quadrature_due`): the least power of two for at most 500 kHz, or 1 MHz if `fast`.
 """
 
 from typing import NamedTuple
@@ -39,7 +42,7 @@ QUADRATURE_HZ = 500_000  # most frames of V_q in a second, or twice as many
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     tick: bits(count_width("tick_clocks")) = 0
     frame: bits(count_width("frame_ticks")) = 0
@@ -53,7 +56,7 @@ assert SLOT_CORDIC < SLOT_SEQUENCER < SLOT_LOOPS < SLOT_ROOT < SLOTS < FRAME_CYC
 
 @inlined
 def step(d, s, go):
-    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    """One clock edge."""
     tick = s.tick + 1
     frame = s.frame
     if tick == d.tick_clocks:

@@ -10,10 +10,19 @@ Formats   address [0,8,0]   data [0,48,0]   each register in its own format, two
 Latency   1 clock from write to the register
 Rounding  none
 Overflow  bits above a register's width are dropped
-Source    docs/blocks/registers.md (the table is written by `table_markdown`)
+Cost      538 register bits
+Source    docs/register_map.md (the map as words of 32 bits)
 
-A write to an address that is not in the map, or to one that can only be read, changes nothing. A register that can be
-read only is the state of another block: `path` says where it is in the state of the whole design.
+A write to an address that is not in the map, or to one that can only be read, changes nothing. A read outside the map
+gives 0. A read-only register is the state of another block: `path` is its place in the state of the whole design.
+Ones that several writes bring to a w1c address add up; they clear bits at the next frame, unless the fault is live.
+
+CONTROL   RUN = 0 stops the drive; it is 1 after reset. HOLD_* freezes a loop, FIX_* replaces it by its fixed word; its
+          lock is then not judged. OPEN_DRIVE applies AMPLITUDE_FIXED and FREQUENCY_FIXED without search or loops.
+          CLEAR_FAULTS clears the latch while it is 1
+IDENTITY  has the version of the map. In version 1 a second write to FAULT_CLEAR within a frame replaced the first
+
+A step of AMPLITUDE_SETPOINT by more than 20 % while locked is a lost lock.
 """
 
 from collections import namedtuple
@@ -139,7 +148,7 @@ def _load_register(k, width, old, write, address, data):
 
 @inlined
 def step(d, s, write, address, data, taken):
-    """One clock edge of a design `d`: every right-hand side reads the old registers."""
+    """One clock edge."""
     if not write and not taken:
         return s
     waiting, turn = 0 if taken else s.fault_clear, d.dds_bits

@@ -4,7 +4,8 @@ The same word means different rules in different tools ("nearest", "trunc", "Con
 key. A rule of another tool that is missing here has no twin among ours (APyTypes TO_AWAY, TIES_ODD, TRN_MAG, JAM and
 the stochastic ones; cl_fix ConvOdd_s).
 
-Source    docs/blocks/fixed.md (truth table, and on which versions a name was tried)
+tests/fpga_model/test_truth_table.py tries Python, NumPy, APyTypes, Verilog and fixed_pkg at every run. Tried by hand:
+fxpmath 0.4.10, fixedpoint 1.0.1 (`sel`), fpbinary 1.5.8, numfi 0.5.0. From documentation: cl_fix, ap_fixed, MATLAB fi.
 """
 
 _NAMES = {

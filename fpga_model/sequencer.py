@@ -1,10 +1,22 @@
 """Start-up, lock and faults: a state machine at 8 kHz that gives each loop its mode.
 
-    POWER_UP -> INIT -> IDLE -> STANDBY -> KICK -> DECAY -> SEARCH -> RETUNE -> ACQUIRE -> SETTLE -> BALANCE <-> LOCKED
-    (0.3 s)     (2 ms)  (RUN=0) (ADC good) (6 ms)  (35 ms)  (60 ms)   (30 ms)   (95 %)     (drive)   (all four)
+    state         time     AGC/PLL/FTR/QSC     leaves
+    0 POWER_UP    300 ms   OFF/OFF/OFF/OFF     ADC reference settles; DACs are sent 0
+    1 INIT        2 ms     OFF/OFF/OFF/OFF     DACs are sent control words
+    2 IDLE        -        OFF/OFF/OFF/OFF     when RUN = 1
+    3 STANDBY     -        OFF/OFF/OFF/OFF     after 10 ms of good frames
+    4 OPEN        -        OFF/OFF/OFF/OFF     when OPEN_DRIVE = 0; the presets are the fixed words
+    5 KICK        6 ms     KICK/OFF/OFF/OFF    full force at FREQUENCY_FIXED
+    6 DECAY       35 ms    OFF/OFF/OFF/OFF     the demodulator forgets the kick
+    7 SEARCH      60 ms    OFF/OFF/OFF/OFF     free ring-down
+    8 RETUNE      30 ms    OFF/OFF/OFF/OFF     word corrected; the demodulator settles
+    9 ACQUIRE     -        P_ONLY/RUN/OFF/OFF  at 95 % of the setpoint; after 2 s: KICK
+    10 SETTLE     -        RUN/RUN/OFF/OFF     AGC and PLL locked; after 2 s: KICK
+    11 BALANCE    -        RUN/RUN/RUN/RUN     FTR and QSC locked
+    12 LOCKED     -        RUN/RUN/RUN/RUN     FTR or QSC lost: BALANCE; AGC or PLL lost: KICK
 
+    after INIT  RUN = 0 -> IDLE     OPEN_DRIVE -> OPEN     100 ms of bad frames -> STANDBY
     search      rotation' = rotation + wrap(phase - last_phase);  correction = round(rotation*gain) at its end
-    lost drive lock -> KICK    nothing found, or too slow -> KICK    ADC bad for 100 ms -> STANDBY    OPEN_DRIVE -> OPEN
 
     codes, magnitude, phase --> [faults] [lock] --> next state --> [state] [timer] --> outputs     [..] register
 
@@ -13,7 +25,12 @@ Formats   state [0,4,0]   timer [0,16,0] frames   control [0,9,0]   last_phase [
 Latency   1 clock from en to the outputs; decisions read flags and lock bits of the frame before
 Rounding  ties toward +inf in correction; the 95 % product is exact
 Overflow  timer and attempts saturate; rotation and correction cannot overflow
-Source    docs/blocks/sequencer.md (states, modes, what each fault does)
+Cost      403 register bits with lock_monitor and fault_monitor
+
+`rate_good` is LOCKED without OVER_RANGE, STALE, STUCK and RATE_SATURATED.
+
+In the ring-down the CORDIC phase turns at fx - f; gain is 1/60 ms in word LSB per phase LSB. A search fails beyond
++-80 Hz, or with a magnitude below 0.01 um, and starts again at KICK.
 
 A frame is usable when it is valid and no code is STUCK. An unusable one holds the loops; in ACQUIRE it switches
 the drive off, where holding would keep the full force on; in DECAY and SEARCH it starts DECAY again.
@@ -97,7 +114,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     state: bits(4) = POWER_UP
     timer: TIMER = 0
@@ -202,7 +219,7 @@ def design(**values):
     hz_per_turn = d.record.frame_hz / search
     waits = max(frames[Params._fields.index(name)] for name in ("offline", "recover"))
     if faults.top < waits:
-        raise ValueError(f"faults: frames are counted up to {faults.top}; offline_s and recover_s need {waits}")
+        raise ValueError(f"faults: offline_s and recover_s need {waits} frames; the frame counters end at {faults.top}")
     gain = hz_per_turn * frequency_tracker.word_per_hz(d.record) * 2.0**-PHASE.f
     limit = d.search_limit_hz * frequency_tracker.word_per_hz(d.record) * 2.0 ** -CORRECTION.for_design(d.record).f
     return Params(
@@ -278,7 +295,7 @@ def _following(p, s, i, usable, search_succeeded, locked):
 
 @kernel
 def step(p, s, en, i):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     if not en:
         return s
     state = s.state

@@ -1,10 +1,16 @@
 """SPI master for the ADC: one frame per conversion, a status word and the channels behind it, MSB first.
 
-    meta = DRDY_N, sync = meta, seen = sync; a fall (seen = 1, sync = 0) starts a frame: CS_N low
-    SCLK: low for h clocks, then high for h clocks; DOUT is taken at every fall          h = adc_divider / 2: 1, 2 or 4
-    count: h times the bit of the word, and the clocks of the half period below it; in the tail its clocks
-    after each word: status, then channels[0] .. (two's complement), left justified in 24 bits
-    after the last: valid = 1 for one clock, ok = (status[23:20] == 1100); CS_N rises adc_tail_clocks later
+    meta = DRDY_N, sync = meta, seen = sync; a fall (seen = 1, sync = 0) starts a frame
+
+    clock after it     default    D = adc_divider, W = adc_word_bits, N = adc_channels, T = adc_tail_clocks
+    0                  0          CS_N low, SCLK low
+    D k + D/2          1, 3 ..    SCLK rises: the ADC changes DOUT
+    D k + D            2, 4 ..    SCLK falls: DOUT is taken
+    D W j              48, 96 ..  a word is complete: status, then channels[0] .. (two's complement), left justified
+    D W (1 + N)        432        valid = 1 for one clock, ok = (status[23:20] == 1100), which stays until the next
+    D W (1 + N) + T    486        CS_N rises
+
+    count: D/2 times the bit of the word, and the clocks of the half period below it; in the tail its clocks
 
     DRDY_N --[meta]--[sync]--[seen]      DOUT --[shift]--+--[status]
                  '--(fall)--> frame                      '--[channels 0..7]
@@ -13,11 +19,13 @@ Formats   shift, status [0,24,0]   channels [1,23,0]   count [0,6,0]   word [0,4
 Latency   `read_clocks`: 435 clocks from the first edge that sees DRDY_N low to the one that sees valid = 1
 Rounding  none
 Overflow  none; a DRDY_N fall during a frame is not seen, so the frame must be shorter than the conversion
-Source    docs/blocks/spi_adc.md, docs/parts/adc_serial.md
+Cost      258 register bits
+Source    analog_frontend/parts/adc_serial.py
 
-Divider, bits of a word, channels and tail are keys of the design, by default of the ADS1298: 216 bits at 13 MHz.
-Channels that are not read stay 0. Channels change one by one during a frame: all are of one conversion from valid until
-the second word of the next frame.
+D is 2, 4 or 8 for every ADC; W = 16 .. 24, N = 5 .. 8 and T need `design.adc` = "generic". T is 2.056 us of ADS1298
+unless a key says otherwise. Channel 5 is the temperature, so N is 5 or more; channels that are not read stay 0. All
+channels are of one conversion from valid until the second word of the next frame.
+By default SCLK has 76.9 ns (least 50), and DOUT is taken 38.5 ns after the rise (valid after 17).
 """
 
 from typing import NamedTuple
@@ -47,7 +55,7 @@ COUNT = Width(0, {Term("$clog2(ADC_DIVIDER/2*ADC_WORD_BITS|ADC_TAIL_CLOCKS)", _c
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     meta: bits(1) = 0
     sync: bits(1) = 0
@@ -101,7 +109,7 @@ def replace_channel(c, k, x):
 
 @inlined
 def step(d, s, drdy_n, dout):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     busy, count, cs_n, sclk, shift, word = s.busy, s.count, s.cs_n, s.sclk, s.shift, s.word
     status, channels, ok = s.status, s.channels, s.ok
     valid = 0

@@ -10,17 +10,27 @@
     SDIN     MSB   ...               LSB
     LDAC_N  ----------------------------------------|_low__|------
 
+    part       role         frame                       output changes with    latch_cycles   period
+    DAC8811    drive        16 bits offset binary       SYNC rise (lead 1)     17             26
+    AD5791     sense        0001, 20 two's complement   LDAC fall              25             26
+    DAC82002   quadrature   08h, 16 straight binary     SYNC rise              24             52
+
 Formats   word, shift, header, control [0,24,0]   flip, data_mask [0,20,0]   left [0,5,0]   tail [0,4,0]
           lead, gap [0,2,0]   pins, ldac, strobe [0,1,0]
 Latency   `latch_cycles`: lead + bits (gap + 1) + ldac clocks from the load edge to the edge that changes the output;
           with strobe those to the next load
 Rounding  none
 Overflow  none: the period between loads must be at least `period_cycles`; a load restarts a frame in progress
-Source    docs/blocks/spi_dac.md, docs/parts/dac_serial.md
+Cost      35 register bits for each DAC
+Source    analog_frontend/parts/dac_serial.py
 
-SCLK is the clock gated by sclk_en, so the DAC samples SDIN in the middle of the clock; SDIN is the MSB of shift. Its
-rate is that of the clock over gap + 1. The register lead counts the clocks before the first bit and between bits.
-The code is signed for the drive and sense DACs and unsigned for the quadrature DAC.
+SCLK is the clock gated by sclk_en, so the DAC samples SDIN in the middle of the clock; SDIN is the MSB of shift. SCLK
+is high for half a clock whatever its rate. The register lead counts the clocks before the first bit and between bits.
+A load cancels an LDAC pulse that the frame before has announced.
+
+`generic` in `[design]` is a DAC of any frame. Its keys give the parameters: bits data_mask, frame_bits bits, command
+header, tail_bits tail, lead_clocks lead, divider gap + 1, latch ldac ("LDAC") or strobe ("load").
+V_q runs at 500 kHz: at 1 MHz SYNC would be high for 76.9 ns of the 160 ns that DAC82002 needs.
 """
 
 from typing import NamedTuple
@@ -52,7 +62,7 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     shift: WORD = 0
     left: bits(5) = 0
@@ -100,7 +110,7 @@ def frame(p, code, init):
 
 @inlined
 def step(p, s, load, word):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     if load == 1:
         return State(
             shift=word,

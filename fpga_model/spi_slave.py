@@ -19,7 +19,8 @@ Formats   shift [0,40,0]   data, rdata [0,32,0]   address [0,11,0]   crc [0,8,0]
 Latency   3 clocks from the edge that sees SCK high to the next bit on SDO; 3 from CS_N high to write and done
 Rounding  none
 Overflow  shift drops its highest bits; bit and address wrap
-Source    docs/blocks/spi_slave.md; SAE J1850 (CRC)
+Cost      119 register bits
+Source    docs/host_port.md; SAE J1850 (CRC)
 """
 
 from typing import NamedTuple
@@ -65,7 +66,7 @@ assert WORD_BITS == BITS.hi + 1, "the count of bits wraps at the end of a word"
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     cs_meta: BIT = 1
     cs_n: BIT = 1
@@ -187,7 +188,7 @@ def wrong(s):
 
 @inlined
 def step(s, cs_n, sck, sdi, status, rdata, clear):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     phase, bit, words, read, address = s.phase, s.bit, s.words, s.read, s.address
     crc, shift, data, second, spoiled, refused = s.crc, s.shift, s.data, s.second, s.spoiled, s.refused
     write, done, flag = 0, 0, 0

@@ -9,10 +9,11 @@ Formats   age, limit [0,10,0] ticks   stale [0,1,0]
 Latency   1 clock from a frame to stale = 0; limit + 1 ticks without a frame to stale = 1
 Rounding  none
 Overflow  age saturates at the top of its format
-Source    docs/blocks/watchdog.md
+Cost      11 register bits, one comparison
 
-`frame` is the strobe of a completed ADC frame, with a good or a bad status word: a bad one starts its own 8 kHz
-window. The limit of 2.4 frame periods is the debounce on the way in; the first frame ends stale at once.
+Without frames no 8 kHz window begins. So while `stale` is 1 ce_8k starts it, and the sequencer can stop the drive.
+`frame` is the strobe of a completed ADC frame, with a good or a bad status word. The limit is 2.4 frames: one lost
+frame is not stale.
 """
 
 from typing import NamedTuple
@@ -28,13 +29,13 @@ LATENCY = 1
 
 
 class Params(NamedTuple):
-    """Machine units in their formats; build with `design`."""
+    """Machine units; build with `design`."""
 
     limit: AGE
 
 
 class State(NamedTuple):
-    """The registers: formats and reset values."""
+    """The registers."""
 
     age: AGE = 0
     stale: bits(1) = 0
@@ -59,7 +60,7 @@ def design(d=DEFAULT, limit_frames=2.4):
 
 @inlined
 def step(p, s, ce_1m, frame):
-    """One clock edge: every right-hand side reads the old registers."""
+    """One clock edge."""
     if frame:
         return State(age=0, stale=0)
     if ce_1m:

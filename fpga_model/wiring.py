@@ -8,7 +8,7 @@ input that it may come from. Where it arrives at a port of a block, each of them
 
 The declaration of a block (`fpga_model.block`) says what its `step`, outputs and functions take and give. Every other
 function is run. A condition is one bit or a comparison.
-Source    docs/blocks/top.md
+Source    docs/architecture.md
 """
 
 import ast

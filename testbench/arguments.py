@@ -46,7 +46,7 @@ def number(name, value, lo, hi, unit=""):
     except (TypeError, ValueError, OverflowError):
         as_float = math.nan
     if not lo <= as_float <= hi:
-        raise ConfigError(f"{name} = {value!r} is no number within {limits}")
+        raise ConfigError(f"{name} = {value!r} is not a number within {limits}")
     return as_float
 
 

@@ -17,5 +17,5 @@ def run_tool(command, folder, what):
         raise FileError(f"{what}: {command[0]} did not end within {TOOL_S} s") from None
     if completed_process.returncode:
         last_lines = "\n".join((completed_process.stdout + completed_process.stderr).strip().splitlines()[-8:])
-        raise FileError(f"{what}: {command[0]} failed with {completed_process.returncode}:\n{last_lines}")
+        raise FileError(f"{what}: {command[0]} failed with exit code {completed_process.returncode}:\n{last_lines}")
     return completed_process.stdout

@@ -142,10 +142,16 @@ def _paper(folder):
 
 BY_NAME = {
     "campaign": Case(
-        _campaign("--workers", 2), "another campaign is at work here", "points/??/*.h5", {"GYRO_INSTANT_S": "0.2"}
+        _campaign("--workers", 2),
+        "another campaign is running in this store",
+        "points/??/*.h5",
+        {"GYRO_INSTANT_S": "0.2"},
     ),
     "dask": Case(
-        _campaign("--cluster", 1), "another campaign is at work here", "points/??/*.h5", {"GYRO_INSTANT_S": "0.05"}
+        _campaign("--cluster", 1),
+        "another campaign is running in this store",
+        "points/??/*.h5",
+        {"GYRO_INSTANT_S": "0.05"},
     ),
     "paper": Case(_paper, "another study is at work here", "store/points/??/*.h5", {}, 600.0),
 }

@@ -29,7 +29,7 @@ RUN = ("run", "--resume", "state.h5", "--seconds", "0.4", "--rate-dps", "100", "
        *(part for text in SETS for part in ("--set", text)))  # fmt: skip
 RESUME = ("run", "--resume-run", OUT, "--json")
 REFUSED = re.compile(
-    r"gyro: same: (another run is at work in this folder: process .*|holds an unfinished run; .*|holds no .*)\n"
+    r"gyro: same: (another run is using this folder: process .*|holds an unfinished run; .*|holds no .*)\n"
 )
 OF_THE_WALL = ("wall_s", "real_time_factor")
 

@@ -308,12 +308,14 @@ def test_the_only_phase_parameters_of_the_firmware_are_the_compensation_words():
     assert all(getattr(bank, f) == 0 for f in COMPENSATION)
 
 
-def test_every_block_has_test_and_page():
+def test_every_block_has_a_test_and_a_header_that_is_its_page():
     from fpga_model import block
 
     for stem in ("fixed", *block.block_modules()):
         assert (ROOT / "tests" / "fpga_model" / f"test_{stem}.py").exists(), stem
-        assert (ROOT / "docs" / "blocks" / f"{stem}.md").exists(), stem
+        header = ast.get_docstring(tree(ROOT / "fpga_model" / f"{stem}.py"))
+        lines = ("Rounding", "Overflow") if stem == "fixed" else ("Formats", "Latency", "Rounding", "Overflow", "Cost")
+        assert all(re.search(rf"^{line} ", header, re.M) for line in lines), stem
 
 
 def test_repository_speaks_of_the_product_alone():

@@ -1,6 +1,7 @@
-"""Pages of effects: everything in the catalogue has an id, a page and a row, and a new effect is one file."""
+"""Pages of effects: everything in the catalogue has an id, a section and a table, and a new effect is one file."""
 
 import hashlib
+import importlib
 import math
 import os
 import re
@@ -22,43 +23,47 @@ from analog_frontend.effects import (
 from analog_frontend.parts import device
 from fpga_model import jit
 from testbench import config
+from testbench.console import results
 from testbench.storage import sources
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "docs"))
 
 import effects_pages  # noqa: E402
-import pages  # noqa: E402
 
-FOLDER = ROOT / "docs" / "effects"
-README = (FOLDER / "README.md").read_text()
+PAGE = (ROOT / "docs" / "effects.md").read_text()
+TABLES = {one.title: one for one in results.read_results("effects")[1]}
+OWN_KERNELS = ("duffing", "drive_cubic", "feedthrough_y")
 
 
 def rows(text):
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
 
 
+def cell(name, what, unit):
+    """Number of a measured table."""
+    (change,) = (row[1] for row in TABLES[name].rows if row[0] == what)
+    return float(change.removesuffix(f" {unit}"))
+
+
 def test_every_effect_has_an_id_of_its_own_and_no_candidate_is_left_out():
     """Own ids are unique; with those of parameters of parts they count from 1 without a gap."""
     own = [effect.IDS.split(", ")[0] for effect in catalogue.LAWS]
     assert len(set(own)) == len(own)
-    listed = [row[0] for row in rows(README.split("## A list of 38")[0]) if re.match(r"[EN]\d", row[0])]
+    parameters = [row[0] for row in rows(PAGE) if re.match(r"[EN]\d", row[0])]
+    listed = {one for ids in (*(effect.IDS for effect in catalogue.LAWS), *parameters) for one in ids.split(", ")}
     for kind in "EN":
-        numbers = {
-            int(re.fullmatch(r"[EN](\d\d)[a-z]?", one)[1])
-            for ids in listed
-            if ids[0] == kind
-            for one in ids.split(", ")
-        }
+        numbers = {int(re.fullmatch(r"[EN](\d\d)[a-z]?", one)[1]) for one in listed if one[0] == kind}
         assert numbers == set(range(1, max(numbers) + 1)), f"the next free id is {kind}{len(numbers) + 1:02d}"
-    assert {"E24", "N04"} < {one for ids in listed for one in ids.split(", ")}
-    assert [row[0] for row in rows(README.split("## A list of 38")[1])][2:] == [str(k) for k in range(1, 39)]
+    assert {"E24", "N04"} < listed
 
 
 def test_what_the_tables_name_exists():
     sections = {"effects": config.Effects, "plant": config.Plant, "firmware": config.Firmware, "noise": config.Noise}
     sections["scenario"] = config.Scenario
-    named = re.findall(r"`(effects|plant|firmware|noise|scenario)\.(\w+)`", README)
+    named = re.findall(r"`(effects|plant|firmware|noise|scenario)\.(\w+)`", PAGE)
+    named += [("effects", effect.INFO.name) for effect in catalogue.LAWS]
+    named += [key.split(".") for key in effects_pages.KEYS.values()]
     assert len(named) > 60
     for section, key in named:
         assert key in sections[section].model_fields or key in ("files",), f"{section}.{key}"
@@ -71,18 +76,48 @@ def test_order_of_the_catalogue_is_kept_and_an_unknown_name_is_refused(capsys):
     assert "no_such_effect: not among damping_cubic, " in capsys.readouterr().err
 
 
-def test_indices_are_those_of_the_catalogue():
-    assert pages.stale(pages.OF_EFFECTS) == {}
+def test_measured_tables_are_those_of_the_catalogue():
+    command, tables = results.read_results("effects")
+    assert command == effects_pages.COMMAND
+    assert [one.title for one in tables] == [effect.INFO.name for effect in catalogue.LAWS]
+    for effect, one in zip(catalogue.LAWS, tables):
+        wanted = effects_pages.table(effect, (0.0,) * 5)
+        assert one._replace(rows=[]) == wanted._replace(rows=[])
+        assert [row[0] for row in one.rows] == [row[0] for row in wanted.rows]
+        for found, zero in zip(one.rows, wanted.rows):
+            assert re.fullmatch(r"[+-]\d+\.\d+ \S+", found[1])
+            assert re.sub(r"\d+", "0", found[1])[1:] == re.sub(r"\d+", "0", zero[1])[1:]
 
 
 @pytest.mark.parametrize("effect", catalogue.LAWS, ids=lambda e: e.INFO.name)
 def test_a_page_says_physics_source_fingerprint_and_what_it_changes(effect):
-    page = (FOLDER / f"{effect.INFO.name}.md").read_text()
-    assert effects_pages.renew(effect, page) == page
-    for text in ("**Source.**", "**Applied**", "**Fingerprint.**", effect.INFO.fingerprint, "| change |"):
-        assert text in page
+    """The built page: the docstring says the physics, and the section below it the rest."""
+    section, info = effects_pages.effect_section(effect.__name__), effect.INFO
+    assert effect.__doc__.strip()
+    assert section == effects_pages.effect_section(info.name)
+    for text in ("**Source.**", "**Laws**", "**Fingerprint.**", info.fingerprint[1:], info.source[1:], "| change |"):
+        assert text in section
+    for text in (info.port, info.mechanism, info.unit, effect.IDS, f"`effects.{info.name}`"):
+        assert f"| {text} |" in section
     for term in effect.terms(effect.EXAMPLE, device.Device()):
-        assert term in page
+        assert f"\n    {term}" in section
+    for row in TABLES[info.name].rows:
+        assert f"| {row[0]} | {row[1]} |" in section
+
+
+@pytest.mark.parametrize("name", [*OWN_KERNELS, "rate_vibration"])
+def test_a_page_says_as_much_of_an_effect_that_is_no_law_of_the_catalogue(name):
+    section = effects_pages.effect_section(f"analog_frontend.effects.{name}")
+    info = importlib.import_module(f"analog_frontend.effects.{name}").INFO
+    for text in (f"| {info.port} |", f"| {info.unit} |", f"| `{effects_pages.KEYS[name]}` |", info.fingerprint[1:]):
+        assert text in section
+    assert "**Laws**" not in section
+    assert "| change |" not in section
+
+
+def test_a_module_that_is_no_effect_has_no_section():
+    for name in ("", ".catalogue", ".law", ".ports"):
+        assert effects_pages.effect_section(f"analog_frontend.effects{name}") == ""
 
 
 def test_scale_factors_of_pages_are_those_that_were_derived():
@@ -97,8 +132,7 @@ def test_scale_factors_of_pages_are_those_that_were_derived():
         "acceleration": -acceleration.shift(g, d) / (1 + acceleration.shift(g, d)),
     }
     for name, value in wanted.items():
-        found = re.search(r"\| scale factor \| (\S+) ppm \|", (FOLDER / f"{name}.md").read_text())
-        assert float(found.group(1)) == pytest.approx(1e6 * value, rel=0.03), name
+        assert cell(name, "scale factor", "ppm") == pytest.approx(1e6 * value, rel=0.03), name
 
 
 def test_biases_of_pages_are_the_rates_that_their_forces_are():
@@ -111,8 +145,7 @@ def test_biases_of_pages_are_the_rates_that_their_forces_are():
         "quadrature_cubic": 0.0,
     }
     for name, value in wanted.items():
-        found = re.search(r"\| bias \| (\S+) deg/h \|", (FOLDER / f"{name}.md").read_text())
-        assert float(found.group(1)) == pytest.approx(value, abs=0.2), name
+        assert cell(name, "bias", "deg/h") == pytest.approx(value, abs=0.2), name
 
 
 # a new effect ---------------------------------------------------------------------------------------------------------
@@ -169,14 +202,14 @@ sys.path.append("docs")
 import effects_pages
 effects_pages.measure_table = lambda names: {name: (0.0,) * 5 for name in names}  # needs an engine: the test below
 assert effects_pages.main(sys.argv[1:]) == 0
-checks = "own or exists or indices or page_says"
+checks = "own or exists or measured_tables or page_says"
 sys.exit(pytest.main(["-v", "-p", "no:cacheprovider", "-k", checks, "tests/test_catalogue_pages.py"]))
 """
 
 
 @pytest.mark.slow
 def test_a_new_effect_is_one_file(tmp_path):
-    """In a copy of the tree: one file is written, pages are generated, and no file is edited."""
+    """In a copy of the tree: one file is written, its table is measured, and no file is edited."""
     for name in ("fpga_model", "analog_frontend", "testbench", "docs"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "tests").mkdir()
@@ -190,11 +223,8 @@ def test_a_new_effect_is_one_file(tmp_path):
     after = contents(tmp_path)
     compiled = {path.parents[1].name for path in cache.rglob("*.kernel")}
     assert not [name for name in compiled if re.match(r"testbench|analog_frontend\.(top|tick|lanes|averaged)", name)]
-    written = {f"analog_frontend/effects/{NEW}.py", f"docs/effects/{NEW}.md"}
-    assert after.keys() - before.keys() == written
-    assert {name for name in before if after.get(name) != before[name]} == set(pages.OF_EFFECTS)
-    for name in pages.OF_EFFECTS:
-        assert NEW in (tmp_path / name).read_text()
+    assert after.keys() - before.keys() == {f"analog_frontend/effects/{NEW}.py"}
+    assert {name for name in before if after.get(name) != before[name]} == {"docs/results/effects.json"}
 
 
 def test_no_kernel_is_compiled_from_an_effect_of_the_catalogue():

@@ -36,10 +36,18 @@ def test_every_picture_is_shown_has_a_text_and_is_written_by_one_command():
     assert {path.stem for path in files} == set(pictures.PICTURES)
     for page, text, _ in shown():
         assert len(text.split()) >= 8, (page, "alternative text")
-    for page, _, path in shown():
-        # the other two are what the commands of their pages write and print
-        if path.stem not in ("startup", "phase_budget"):
-            assert f"`python docs/pictures.py {path.stem}`" in page.read_text()
+    gallery = (DOCS / "gallery.md").read_text()
+    for path in files:
+        assert f"](pictures/{path.name})" in gallery
+        assert f"`python docs/pictures.py {path.stem}`" in gallery
+
+
+def test_pictures_of_a_run_are_files_that_it_writes():
+    assert f"`gyro {' '.join(pictures.RUN)}`" in (DOCS / "gallery.md").read_text()
+    first_run = (DOCS / "tutorials" / "first_run.md").read_text()
+    assert f"$ gyro {' '.join(pictures.RUN)}\n" in first_run
+    for picture in pictures.OF_RUN:
+        assert f"  out/{picture.__name__}.png\n" in first_run
 
 
 def test_pictures_are_png_of_the_width_of_reports_and_small():

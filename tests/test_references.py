@@ -27,7 +27,7 @@ NAMED = re.compile(r"\b[A-Z][A-Z_]{3,}\.md\b|\bFACTS\b|\b(?:internal|private) (?
 THE_PAPER = re.compile(r"\bthe paper(?:'s)?\b", re.I)
 KNOWN = {"RANGES.md", *(path.name for path in PAGES), "CHANGELOG.md"}  # the first is a file of every bundle
 LEADS_TO_THE_PAPER = re.compile(
-    r"(?:docs/)?\b(?:paper|references|phases|loop|measured_parts|inference)\.md|10\.1038/s41378-025-01144-6"
+    r"(?:docs/)?\b(?:paper|references|phases|loop|measured_results|inference)\.md|10\.1038/s41378-025-01144-6"
 )
 
 

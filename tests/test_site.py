@@ -32,7 +32,7 @@ def test_every_public_function_has_its_signature_on_a_page():
 def test_what_is_laid_out_stays_and_prose_is_not_marked_up(tmp_path):
     source = tmp_path / "one.py"
     source.write_text('"""Two *stars* and a_name.\n\n    y = a * x\n"""\n\ndef f(x, *, n=1):\n    """Double."""\n')
-    text = "# one\n\nTwo \\*stars\\* and a\\_name.\n\n```text\n    y = a * x\n```\n\n"
+    text = "# one\n\nTwo \\*stars\\* and a\\_name.\n\n```text\ny = a * x\n```\n\n"
     assert api_pages.page("one", source) == f"{text}## f\n\n```python\nf(x, *, n=1)\n```\n\nDouble.\n"
 
 
@@ -58,10 +58,10 @@ def dom(folder, name):
 @pytest.mark.parametrize(
     ("name", "wanted"),
     [
-        ("index.html", "Read <a"),
-        ("blocks/pi.html", "controller of all four loops"),
+        ("index.html", "register by register at 26 MHz"),
+        ("api/fpga_model.pi.html", "PI controller with a clamped integrator"),
         ("api/fpga_model.pi.html", 'href="#step"'),
-        ("search.html?q=quadrature", 'href="blocks/quadrature_loop.html'),
+        ("search.html?q=quadrature", 'href="api/fpga_model.quadrature_loop.html'),
     ],
 )
 def test_a_browser_shows(tmp_path, name, wanted):

@@ -12,7 +12,7 @@
 phi0      phase per tick of a fixed word, the drive mode's own; delta = phi - phi0, J a polynomial of degree 4 in it
 Numbers   Python complex and MP (small_algebra.py). Knots of temperature as in propagator.py, linear in between, but for
           the diagonal of E, exponentials of interpolated logarithms
-Source    docs/parts/averaged.md
+Source    docs/plant.md, docs/decisions/0014-baseband.md
 """
 
 from typing import NamedTuple

@@ -4,7 +4,7 @@
        = A + 4/pi sqrt(2/A) zeta(-1/2, x),   x = frac(A - 1/2), from LEAST codes on
 
 The mean is A, the slope is not: the drive has 336 codes, and A1 rises by up to a few percent more or less than A does.
-Source    docs/parts/averaged.md
+Source    docs/plant.md, docs/decisions/0014-baseband.md
 """
 
 import math

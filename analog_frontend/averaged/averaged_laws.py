@@ -9,7 +9,7 @@
     u, w    turned on by their leads: the means of staircases (`law.start_state`)
 
 Left out   the change of the motion within a frame; harmonics beyond 30 of sgn and abs (0.2 % of their fundamental)
-Source     docs/parts/averaged.md, docs/parts/ports.md
+Source     docs/plant.md, docs/effects.md
 """
 
 import math

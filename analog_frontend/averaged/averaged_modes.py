@@ -7,7 +7,7 @@
     envelope        V(tau) of both C/V outputs over the frame: the cubic through value and slope at both ends
 
 State       `m`, float64, mutated in place: A (a_x, a_y), F (both DACs, V); complex numbers are pairs (re, im)
-Source      docs/parts/averaged.md
+Source      docs/plant.md, docs/decisions/0014-baseband.md
 """
 
 import numpy as np

@@ -4,7 +4,7 @@
     forces, DACs   growth of a mode in a frame: sum over its samples of n_k c_k, c_k from averaged.py
     converter      white_fine and flicker of each conversion, with the counters and states of adc.py
 
-Source    docs/parts/noise.md, docs/parts/averaged.md
+Source    docs/plant.md, analog_frontend/parts/noise.py
 """
 
 from typing import NamedTuple

@@ -4,7 +4,7 @@
     C - i S as a square-wave demodulator sees it:  C = c1 - c3/3 + c5/5 - ...,  S = s1 + s3/3 + s5/5 + ..., up to 15
     theta_n counts from the references, so that C and S are sums with constant weights; v is odd, half a turn is enough
 
-Source     docs/parts/averaged.md
+Source     docs/plant.md, docs/decisions/0014-baseband.md
 """
 
 import numpy as np

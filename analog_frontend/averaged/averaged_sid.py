@@ -20,7 +20,7 @@ At an edge the same W closes one group and opens the other. Edges stand at the f
 
 Left out  terms of third order; V" in W_2 and W_3, (ring/f)^2/(w RC); the charge's ripple at f
 State     `q`, float64, mutated in place: rows of four demodulators
-Source    docs/parts/averaged.md
+Source    docs/plant.md, docs/decisions/0014-baseband.md
 """
 
 import math

@@ -7,7 +7,7 @@ Order     as in `EFFECTS`; impulses of one port add, so the order only matters t
 Splitting impulse, step, impulse, step: the Strang step of the same pair seen half a tick later; error O(h^2), on
           Duffing's 10 Hz at 5 um 5e-6 Hz
 Off       every flag is 0 and the kernels touch nothing: bit for bit the plant without effects, one branch per tick
-Source    docs/parts/ports.md, docs/effects/
+Source    docs/effects.md
 """
 
 from typing import NamedTuple

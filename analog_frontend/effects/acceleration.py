@@ -2,7 +2,9 @@
 
     C', C of a side go as 1/(d -+ y0), 1/(d -+ y0)^2: a pair's sum changes by its mismatch s,  e = 2 s y0 / d
     k_vf -> k_vf (1 + e)      S -> S (1 + e)      k_y -> k_y + e k_c, k_c the carrier's softening
-Source    docs/effects/acceleration.md
+
+e is 53 ppm at 1 g. One attitude cannot separate it from plant.k_vf_sense_n_per_v,
+so it is no candidate of tracing; +1 g and -1 g are two configurations. (y0/d)^2 = 2.8e-7 is left out.
 """
 
 import math
@@ -18,10 +20,10 @@ INFO = Info(
     mechanism="gain",
     unit="g",
     source="parallel plates, gap and mismatch assumed",
-    fingerprint="scale factor by -e with tilt, f_y a little; no change with rate",
+    fingerprint="scale factor changes by -e with tilt, f_y slightly; both are independent of rate",
 )
 IDS, LIMIT, EXAMPLE, SIGN = "E29", 1000.0, 1.0, 0
-DOC = "steady acceleration along the sense gap: electrodes off their middle"
+DOC = "steady acceleration along the sense gap: electrodes are off centre"
 
 
 def shift(value, device):

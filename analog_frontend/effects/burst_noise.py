@@ -1,4 +1,7 @@
-"""Burst noise in phase with the drive: n_y = a B(t) u / 1 V, B = +1 or -1 at random, anew every 10 ms."""
+"""Burst noise in phase with the drive: n_y = a B(t) u / 1 V, B = +1 or -1 at random, anew every 10 ms.
+
+Repeats differ, and the distribution has two humps. Real bursts last random times; these last whole multiples of 10 ms.
+"""
 
 from analog_frontend.effects.ports import Info
 
@@ -8,10 +11,10 @@ INFO = Info(
     mechanism="noise",
     unit="V",
     source="contacts, popcorn noise of amplifiers; value assumed",
-    fingerprint="bias jumps between two levels: repeats differ, the distribution has two humps",
+    fingerprint="bias jumps between two levels: repeats differ, the distribution has two peaks",
 )
 IDS, LIMIT, EXAMPLE, SIGN = "N04", 0.01, 1e-07, 0
-DOC = "burst noise of the sense C/V chain: two levels, drawn anew every 10 ms"
+DOC = "burst noise of the sense C/V chain: one of two levels, drawn at random every 10 ms"
 
 
 def terms(value, device):

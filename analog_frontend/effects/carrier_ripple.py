@@ -1,4 +1,7 @@
-"""Ripple of the mains on the carrier: V -> V (1 + a cos(2 pi 50 t))."""
+"""Ripple of the mains on the carrier: V -> V (1 + a cos(2 pi 50 t)).
+
+The demodulator passes 50 Hz with its triple pole; means over whole periods do not move.
+"""
 
 from analog_frontend.effects.ports import Info
 
@@ -8,7 +11,7 @@ INFO = Info(
     mechanism="tone",
     unit="1",
     source="supply of the carrier's driver; value assumed",
-    fingerprint="lines at 50 Hz in amplitude and rate: with the drive amplitude, not with rate",
+    fingerprint="lines at 50 Hz in amplitude and rate; they grow with the drive amplitude, not with rate",
 )
 IDS, LIMIT, EXAMPLE, SIGN = "E23", 0.01, 1e-05, 0
 DOC = "mains ripple on the carrier: gain of both C/V outputs times 1 + a cos(2 pi 50 t)"

@@ -2,14 +2,14 @@
 
     INFO         `ports.Info`; its name is that of the module and of the key in [effects]
     IDS          id of its own, "E30" or "E12b", then those of other rows that it belongs to, with commas
-    LIMIT        largest size of the key;   EXAMPLE: size of its page's table;   SIGN: 1 if the size cannot be negative
+    LIMIT        largest size of the key;   EXAMPLE: size in its table;   SIGN: 1 if the size cannot be negative
     DOC          what the key's size is, for docs/configuration.md
     PHYSICS      (low, high, reason) of the size, where its law alone does not say it (closed_loop/loop_limits.py)
     terms        (value, device) -> texts of `law.parse`; off is a size of 0, and then no law at all
 
 No module with kernels imports an effect of the catalogue, so that a new or changed one compiles nothing.
 The three effects with kernels of their own (duffing, drive_cubic, feedthrough_y) stand in effects.EFFECTS.
-Source    docs/effects/README.md
+Source    docs/effects.md
 """
 
 import importlib

@@ -1,4 +1,7 @@
-"""Dry friction of the drive mode: F = -Fc sgn(vx)."""
+"""Dry friction of the drive mode: F = -Fc sgn(vx).
+
+Largest at small amplitude. The sign is taken at each tick, so the force changes up to one tick late.
+"""
 
 from analog_frontend.effects.ports import Info
 
@@ -8,7 +11,7 @@ INFO = Info(
     mechanism="polynomial",
     unit="N",
     source="slip at anchors and stoppers, getter dust; value assumed",
-    fingerprint="drive amplitude word rises by 4 Fc/pi over the drive force: largest at small amplitude",
+    fingerprint="drive amplitude word rises by 4 Fc/pi over the drive force; the rise is largest at small amplitude",
 )
 IDS, LIMIT, EXAMPLE, SIGN = "E14a", 1e-07, 2e-11, 1
 DOC = "dry friction of the drive mode: F = -Fc sgn(vx)"

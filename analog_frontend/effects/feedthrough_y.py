@@ -2,10 +2,9 @@
 
     n_y += c ((1 - e) v_start + e v_end),   v = z[2], the drive electrode's voltage, e its `dac.end_share`
     off: c = 0, bit for bit nothing
-    fingerprint: (4/pi) c A_d at the sense SID, in phase with the drive voltage; bias goes with the drive word
 
-Port cv_y   Mechanism leak from force_x   Unit V/V
-Source: common-mode current through the amplifier's rejection; docs/effects/feedthrough_y.md
+c = 1e-4 at 0.1 V: (4/pi) c A_d = 12.7 uV in open loop, 0.22 deg/s. It vanishes at once when the drive stops, where the
+motion rings down.
 """
 
 from typing import NamedTuple
@@ -19,7 +18,7 @@ INFO = Info(
     mechanism="leak from force_x",
     unit="V/V",
     source="stray capacitance times the amplifier's finite common-mode rejection; value assumed",
-    fingerprint="bias goes with the drive amplitude word, so with 1/Q; in phase with the drive, independent of rate",
+    fingerprint="bias is proportional to the drive word, hence to 1/Q; in phase with the drive, independent of rate",
 )
 
 

@@ -12,7 +12,7 @@
 Applied   force: impulse on the velocity once per tick, from the states at its first instant, before any impulse, and
           the means of the electrodes about it, v + lead (v_end - v);
           C/V: mean over the tick from both of its ends, held over it.   Off: no law, bit for bit nothing, one branch
-Source    docs/parts/ports.md
+Source    docs/effects.md
 """
 
 import math
@@ -142,12 +142,12 @@ def check_law(law, where="law"):
         inputs = [f.name for f in law.factors if f.name not in STATES]
         group = TIMES if name.name in TIMES else (name.name,)
         if name.name not in STATES and sum(n in group for n in inputs) > 1:
-            raise ValueError(f"{where}: {name.name} stands in it twice")
+            raise ValueError(f"{where}: duplicate factor {name.name}")
     names = {f.name for f in law.factors}
     if law.port in FORCE_PORTS and names & set(OUTPUTS):
-        raise ValueError(f"{where}: cx and cy are known at the ports cv_x and cv_y only")
+        raise ValueError(f"{where}: cx and cy are allowed only at the ports cv_x and cv_y")
     if law.port in CV_PORTS and names & set(VELOCITIES):
-        raise ValueError(f"{where}: velocities are known at the force ports only")
+        raise ValueError(f"{where}: velocities are allowed only at the force ports")
     return law
 
 
@@ -160,7 +160,7 @@ def design(laws, mass_kg, h_s, w_rad_per_s, temp_ref_degc, seed=0, leads=(0.0, 0
         raise ValueError(f"law: mass {mass_kg} kg, tick {h_s} s, scale {w_rad_per_s} rad/s must be positive")
     on = sorted((law for law in laws if law.coefficient), key=lambda law: law.port in CV_PORTS)
     if len(on) > SLOTS:
-        raise ValueError(f"law: {len(on)} laws, a plant has room for {SLOTS}")
+        raise ValueError(f"law: {len(on)} laws are more than the {SLOTS} of a plant")
     table, numbers = np.zeros((SLOTS, COLUMNS), np.int64), np.zeros((SLOTS, len(NUMBERS)))
     for k, law in enumerate(on):
         scale = h_s / (mass_kg * w_rad_per_s) if law.port in FORCE_PORTS else 1.0

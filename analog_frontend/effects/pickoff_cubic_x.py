@@ -1,4 +1,8 @@
-"""Cubic term of the drive pick-off at the C/V output: V -> V + e V^3."""
+"""Cubic term of the drive pick-off at the C/V output: V -> V + e V^3.
+
+It acts behind the C/V poles. Scale factor and drive word fall together, with the square of the amplitude; a third of
+the third harmonic reaches the demodulators.
+"""
 
 from analog_frontend.effects.ports import Info
 

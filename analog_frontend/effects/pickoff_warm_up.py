@@ -8,10 +8,10 @@ INFO = Info(
     mechanism="drift",
     unit="1",
     source="warm-up of the carrier's oscillator and its supply; value assumed",
-    fingerprint="drive amplitude word creeps by -a with time, at constant temperature of the package",
+    fingerprint="drive amplitude word drifts by -a with time, at constant temperature of the package",
 )
 IDS, LIMIT, EXAMPLE, SIGN = "E21b", 0.1, 0.0001, 0
-DOC = "gain of both C/V outputs that creeps over plant.warm_up_tau_s from power-on"
+DOC = "gain of both C/V outputs that drifts over plant.warm_up_tau_s from power-on"
 
 
 def terms(value, device):

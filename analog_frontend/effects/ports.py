@@ -1,6 +1,6 @@
 """Where an effect may enter the plant, and what each effect must say about itself.
 
-Source  docs/parts/ports.md
+Source  docs/effects.md
 """
 
 from typing import NamedTuple

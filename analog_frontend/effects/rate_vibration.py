@@ -4,8 +4,7 @@
     a        complex Ornstein-Uhlenbeck process of unit power, rate pi f / Q (f in Hz, Q quality);  rms in deg/s
     off      rms = 0: no profile, bit for bit nothing
 It enters where a rate table does, so loop and plant answer to it as to any rate. Kind: preparation or instrument.
-Port      rate (`scenario.rate_dps`)   Mechanism noise   Unit deg/s
-Source    docs/effects/rate_vibration.md
+Source    docs/measured_results.md, docs/effects.md
 """
 
 import math
@@ -19,8 +18,8 @@ INFO = Info(
     port="rate",
     mechanism="noise",
     unit="deg/s",
-    source="spectrum of a three-axis gyroscope at rest (docs/measured_parts.md)",
-    fingerprint="a peak in the spectrum of one axis; the loop's bandwidth decides how much of it is seen",
+    source="spectrum of a three-axis gyroscope at rest (docs/measured_results.md)",
+    fingerprint="a peak in the spectrum of one axis; the loop's bandwidth determines its height",
 )
 MOST_POINTS = 200_000
 
@@ -29,7 +28,8 @@ def profile(seconds, f_hz, quality, rms_dps, seed, settling=0.0, tau_s=1000.0, f
     """[[t_s, deg/s], ...] for `scenario.rate_dps`; straight lines between, 12 points a period. rms 0: empty."""
     if not (seconds > 0 and f_hz > 0 and quality >= 1 and rms_dps >= 0 and tau_s > 0):
         raise ValueError(
-            f"rate_vibration: {seconds} s, {f_hz} Hz, Q {quality}, {rms_dps} deg/s, {tau_s} s: positive numbers, Q >= 1"
+            f"rate_vibration: {seconds} s, {f_hz} Hz, Q {quality}, {rms_dps} deg/s, {tau_s} s: "
+            "expected positive numbers and Q >= 1"
         )
     if rms_dps == 0.0:
         return []

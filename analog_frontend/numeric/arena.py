@@ -5,8 +5,8 @@
 
     int32_at(address, n), int64_at, float64_at              n numbers of somebody else's, at the address of the first
 
-A kernel that is called with a record of eighty arrays spends more time on its arguments than on its work. With two
-arrays it spends none. Every place and shape is a constant, so indices cost nothing either.
+A kernel that takes a record of eighty arrays spends more time on its arguments than on its work. Every place and shape
+is a constant, so indices cost nothing.
 """
 
 import ctypes

@@ -5,7 +5,7 @@ every machine gets the same constants; the C library's versions differ in the la
 
     split(x) = (hi, lo),   hi = nearest double of x,   lo = nearest double of x - hi,   |x - hi - lo| <= 2^-106 |x|
 
-Source  docs/parts/propagator.md
+Source  analog_frontend/parts/propagator.py
 """
 
 import mpmath

@@ -1,7 +1,7 @@
 """Set-up arithmetic of small complex matrices, as lists of rows of Python numbers: no BLAS, no libm, no open order.
 
 Angles and exponents go through MP (exact.py) and are rounded once: every machine gets the same tables.
-Source    docs/parts/averaged.md
+Source    docs/plant.md
 """
 
 from analog_frontend.numeric.exact import MP

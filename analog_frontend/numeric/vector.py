@@ -12,8 +12,8 @@
     four(a, b, c, d)   pair(a, b) = a, a, b, b   splat4, load4, store4   lane(v, k) = v[k], k a constant    four lanes
 totals4(a, b, c, d)   four lanes: the sum over all eight of each
 
-LLVM maps a vector to whatever the CPU has (512, 256 or 128 bit) and never fuses, reorders or rounds differently: a lane
-is bit for bit the scalar operation. Writing the lanes out keeps the speed of a loop from hanging on its vectoriser.
+LLVM maps a vector to what the CPU has (512, 256 or 128 bit) and never fuses, reorders or rounds differently: a lane is
+bit for bit the scalar operation.
 `load` and `store` check no bounds; the caller's arrays have room. Without compiler the lanes are NumPy arrays.
 Source    docs/decisions/0007-frame-engine.md
 """

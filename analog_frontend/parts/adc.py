@@ -15,9 +15,15 @@ Ready     DRDY falls `delay` after the last sample, at least one tick: `convert_
           register sees it low, in a later tick than the sample's, else -1. The codes stay until the next conversion
 Between   the chord errs by h^2/8 |v''| <= h^2 A/(8 w (RC)^3) = 1.3e-9 V behind a settled 50 Hz SID at A = 2.88 V
 Rounding  nearest multiple of `step`, ties toward plus infinity
-Overflow  clamps to -0x800000 .. code_hi (the part's: 0x7FFFFF) before it becomes an int; NaN reads as code_hi
+Overflow  clamps to -0x800000 .. code_hi (the part's: 0x7FFFFF) before it becomes an int; NaN reads as code_hi and is
+          gone after three conversions
+Response  |sin(N pi f/fm)/(N sin(pi f/fm))|^3; at N = 64 -3 dB at 2092 Hz; 11 kHz appears at 3 kHz with -40.2 dB
+Errors    effects.adc_*, off by default, before offset, gain and INL; f is full scale at the input:
+          v' = v (1 + tc (T - 25 degC)) + f sum c_n T_n(v/f) + t |v| + m v_before,  T_n Chebyshev, n = 2 .. 14
+          adc_gain_tc_per_k: tc   adc_curve: c_n   adc_turnover: t   adc_memory: m. Clocked and frame engine only
+Missing   bit stream and idle tones of the modulator, multiplexing, settling after a change of the PGA
 State     two arrays, **mutated in place**
-Source    docs/parts/adc.md
+Source    docs/plant.md, docs/effects.md
 """
 
 import math
@@ -145,22 +151,23 @@ def _check(d):
         if len(values) != CHANNELS or not all(math.isfinite(v) for v in values):
             raise ValueError(f"adc {name}: {values} is not {CHANNELS} finite numbers")
     if len(d.curve) > CURVE or not all(abs(v) <= 1e-2 for v in d.curve):
-        raise ValueError(f"adc curve: {d.curve} is not up to {CURVE} parts of full scale within -0.01 .. 0.01")
+        raise ValueError(f"adc curve: {d.curve} is not at most {CURVE} parts of full scale within -0.01 .. 0.01")
     if not (d.vref_v > 0.0 and 1 <= d.step_code <= 1024):
         raise ValueError(
-            f"adc vref_v, step_code: {d.vref_v} V, {d.step_code} codes are outside 0 V .., 1 .. 1024 codes"
+            f"adc vref_v, step_code: {d.vref_v} V, {d.step_code} codes; limits: above 0 V, 1 .. 1024 codes"
         )
     if not 16 <= d.decimation <= 1024:
         raise ValueError(f"adc decimation: {d.decimation} is outside 16 .. 1024 samples")
     if not d.period > d.tick_clocks << UNIT_BITS:
         raise ValueError(
-            f"adc period: {d.period / UNITS_PER_CYCLE:g} cycles; a tick of {d.tick_clocks} cycles may hold one sample"
+            f"adc period: {d.period / UNITS_PER_CYCLE:g} cycles are not above a tick of {d.tick_clocks} cycles, "
+            "which may hold one sample"
         )
     delay = _delay(d)
     if not d.tick_clocks << UNIT_BITS <= delay < (d.decimation - 1) * d.period:
         raise ValueError(
             f"adc conversion_delay_s: {d.conversion_delay_s} s is outside {d.tick_clocks / d.master_hz:g} s .. one "
-            "frame; DRDY falls in a later tick than the last sample"
+            "frame; DRDY must fall in a later tick than the last sample"
         )
 
 

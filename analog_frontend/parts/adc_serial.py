@@ -6,11 +6,13 @@
     CS falls: the result is copied to the frame registers, so a conversion that ends during a read does not disturb it
     SCLK rises: DOUT = next bit, MSB first; after nine words zeros
 
-One call of `step` per 26 MHz clock, with the pin values after the edge. Integers only; nothing here is a gate of ours.
-If nobody has read the last result when the next arrives, DRDY_N is high for PULSE clocks first. (The part pulses before
-the new data is ready; this model learns of it only then.)
+One call of `step` per 26 MHz clock, with the pin values after the edge. Integers only.
+A result that nobody read before the next: DRDY_N is high for PULSE clocks first (the part pulses before new data).
 
-Source    docs/parts/adc_serial.md
+Status    a head other than 1100 is a fault of the interface (ok = 0); lead-off bits are none
+Missing   registers, commands and power-up: the part is taken as configured and converting
+Timing    TI SBAS459I, p. 32; TI SBAS499A, p. 8 (same interface)
+Source    TI SBAS459I; TI SBAS499A
 """
 
 from typing import NamedTuple

@@ -3,10 +3,15 @@
     volts(code)  = offset + lsb * code + bow * (1 - (code / full)^2) * full_volts      full = 2^(bits-1)
     glitch(a, b) = area * (number of segment borders between a and b, signed)         borders every 2^segment_bits codes
 
-The hold, the instant and the settling are not here: the hold is the constant input of a plant tick, the instant comes
-from the chip's serial side (`dac_serial`), the settling poles are the output chain of the propagator.
-Ideal by default: `bow` and `area` are zero, and bit for bit nothing.
-Source  docs/parts/dac.md
+The hold is the constant input of a plant tick, the instant comes from `dac_serial`. The settling poles are the output
+chain of the propagator. Off: zero `bow` and `area`, bit for bit nothing.
+
+Span     -10 .. +10 V; LSB 305.2 uV (drive, 16 bits) and 19.07 uV (sense, 20 bits). V_q is DC, code times 5.5 V/2^16
+Bow      a parabola, zero at both ends of the range: second harmonic and offset
+Glitch   an area at the step's instant: in a small sine at code 0
+Refused  bits outside 8 .. 24, a span outside 0 .. 20 V, a bow above 1 % of full scale
+Missing  slew (analog_frontend/amplifier_use.py), settling that depends on the code; other INL: dac_levels.py
+Source   docs/plant.md
 """
 
 from typing import NamedTuple

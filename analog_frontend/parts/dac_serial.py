@@ -5,15 +5,19 @@
     output latch = staged     when SYNC rises (no LDAC pin, or LDAC low), or when LDAC falls
     code = output latch, or 0 while the output is clamped to ground (AD5791 until its control register says otherwise)
 
-One call of `step` per 26 MHz clock, with the pin values after the edge. Integers only; nothing here is a gate of ours.
+One call of `step` per 26 MHz clock, with the pin values after the edge. Integers only.
 
 DAC8811   CLK rise samples, any number of bits, the last 16 count; offset binary around a bipolar output stage, so the
           power-on zero scale is code -32768
 AD5791    exactly 24 bits, address 001 data, 010 control; two's complement (BIN/2sC must stay 0); powers up with the
           output clamped and VREFN behind the clamp: a control write before the first data write puts -2**19 out
 DAC82002  exactly 24 bits, register 08h is DAC-A, straight binary, zero at power-on (RSTSEL low)
+generic   counts its bits exactly, takes frames that begin with its command, puts out 0 at power-on
 
-Source    docs/parts/dac_serial.md
+Power-on  send the AD5791 data 0 before its control word, or -10 V is on the sense electrodes until data are latched
+Missing   other registers and addresses, readback, CLR, daisy chains, offset-binary coding of the AD5791
+Origin    timing of DAC8811 and AD5791 is from memory; AD5791 Rev. D, p. 24, and AD5781 Rev. D, p. 22 have the same map
+Source    TI SLAS411D; ADI AD5791 Rev. D; ADI AD5781 Rev. D; TI SBASAK1A
 """
 
 from typing import NamedTuple

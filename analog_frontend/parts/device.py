@@ -6,7 +6,8 @@ without a unit suffix is dimensionless.
 
 What each default is, and whether it is fact, derived, fitted or assumed: provenance.py
 Not here                phase errors (nobody enters one), the firmware's registers, effects (each has its own Params)
-Source                  docs/parts/device.md
+Refused                 a value out of range, NaN, a bool, a text, a float for an int, an unknown PGA gain
+Source                  docs/plant.md, docs/configuration.md
 """
 
 import math
@@ -179,5 +180,5 @@ def make(**values):
     """The default device with some fields changed, validated; an unknown name is a ValueError too."""
     invalid_names = sorted(set(values) - set(Device._fields))
     if invalid_names:
-        raise ValueError(f"no such field of the device: {', '.join(invalid_names)}")
+        raise ValueError(f"device: unknown field {', '.join(invalid_names)}")
     return validate(Device(**values))

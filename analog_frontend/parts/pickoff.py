@@ -9,7 +9,8 @@
     lag   = -arg(1 + z/H)       H = prod 1/(1 + i w tau);  z  the chain's answer to the cubic less the vibration
 
 a is force over mass and displacement, t the instant in the tick at which the force's DAC steps.
-Source    docs/parts/propagator.md
+Size      in the diagnosis of the default board 21e-9 deg of xe2 and 47e-9 deg of ye2
+Source    analog_frontend/parts/propagator.py
 """
 
 import math

@@ -17,24 +17,16 @@
                   response of duration h - t_c; jit is the derivative of that column by t_c, weight du * (edge error, s)
     t_c           c Tc + analog delay, modulo h; carry[c] counts the ticks by which that falls later
 
-Why the tables are right to the last bit
-    * Generator and durations are computed with 240 bits and given as double-doubles, error below 2^-106.
-    * All later arithmetic is double-double, built from + - * of doubles alone: two_sum is exact, Dekker's two_prod is
-      exact without FMA, so one multiply-add errs by about 2^-104 of its terms. No libm, no BLAS, no order left open.
-    * e^(A Tc) is a Taylor sum at a norm of at most 1 that ends below 2^-120, squared a few times; 26 Tc = h follows by
-      six products (26 = 2 (2 (2 * 3) + 1)), and the columns of duration h - t_c, which differ by whole Tc, by repeated
-      products. That is below 2^14 multiply-adds in line, with a condition of at most e^4 from the alternating signs of
-      the Taylor sum: relative error below 2^-84. The nearest double is missed only where the exact value lies that
-      close to the middle between two doubles: one entry in 2^30.
-    * Small entries keep their own relative accuracy: the response through n poles starts with the n-th term of the sum,
-      and its error is in proportion to that term, not to the norm of the matrix.
-    The hi word of a normalised double-double is the nearest double: one rounding per entry. Entries that cancel to
-    exactly zero (back action of a rate on x through d_xy) keep a residue of 2^-104 of what cancels, below 1e-36.
+Every entry is the nearest double
+    * Generator and durations are double-doubles of 240-bit numbers, error below 2^-106. All later arithmetic is
+      double-double, from + - * of doubles alone: no libm, BLAS or FMA, no open order, so every machine has the same.
+    * e^(A Tc) is a Taylor sum at a norm of at most 1, squared; the rest are products. Below 2^14 multiply-adds stand in
+      line at a condition of at most e^4: relative error below 2^-84, so one entry in 2^30 may miss the nearest double.
 Truncation   third order left out: 4/3 (O h)^3, which is 9e-16 at 500 deg/s, 5e-11 of the Coriolis entry it belongs to
 Temperature  `knots` builds tables every `step_k`; linear between them errs by step^2/8 of the second derivative. At
              0.5 K the damping is off by less than 2e-6 of itself (the chord of e^(j w h), and Q(T) being curved), the
              frequency by (tcf step)^2/8 = 2.3e-11 of itself (w^2 in the generator is a parabola in T)
-Source       docs/parts/propagator.md
+Source       docs/plant.md, docs/decisions/0003-double-double-propagators.md
 """
 
 from typing import NamedTuple

@@ -8,7 +8,9 @@
 
 Left out   centrifugal and Euler forces, (Omega/w)^2 = 1.6e-8 at 500 deg/s; Duffing (an effect)
 Numbers    entries in 240-bit arithmetic; nothing is rounded here
-Source     docs/parts/resonator.md
+Frequency  fx_hz and fy_hz are undamped; the damped ones are 3e-12 lower
+Accuracy   after 1e5 periods at 100 deg/s (asserted): phase within 1e-9 rad, amplitude within 1e-9
+Source     docs/plant.md
 """
 
 from typing import NamedTuple

@@ -11,7 +11,9 @@ The edge is so short that D1 and D3 pass any charge. Behind it they stand at the
 half period later; A with C, and B with D, keep their charge. The tail goes as ln t: steps have equal ratios of t.
 Bits      + - * / sqrt and an exponential of our own: every machine has the same
 Check     a transient ngspice run of the circuit: gain, delay and third harmonic of sines
-Source    docs/parts/ring_diode.md
+Accuracy  1 % of the gain, 2 ns of delay, 10 % of the third harmonic, from -20 to 50 degC to 0.75 pF. At 25 degC and
+          0.5 pF, the default's full amplitude, the fundamental loses 12.7 %
+Source    analog_frontend/parts/ring_diode.py, docs/plant.md
 """
 
 import functools
@@ -281,7 +283,7 @@ def steady_state(p, dc_f, nodes_v=(-0.15, -0.15, -0.05, -0.05)):
         nodes_v = [v + part * m for v, m in zip(nodes_v, move)]
         if largest < SETTLED_V:
             return _linearize_fixed_point(p, dc_f, nodes_v, by_node, residual_jacobian)
-    raise ValueError(f"ring_cycle dc_f: no steady state of the ring at {dc_f:g} F")
+    raise ValueError(f"ring_cycle dc_f: the ring reaches no steady state at {dc_f:g} F")
 
 
 def _linearize_fixed_point(p, dc_f, nodes_v, by_node, residual_jacobian):

@@ -15,8 +15,13 @@ Error     |dq1| <= r (2 pi f h)^4/720 per volt, 2.0e-11 at 11 kHz and 50 Hz; the
           less than 8 h f (2 pi f h)^4/720 = 2.8e-9 per volt of quadrature, by nothing in phase. v smooth over a tick
 Series    four terms: q to (r s)^4/56 relative, 3e-15 at 50 Hz and 5e-12 at the limit r <= 0.004
 State     `reset()`: float64 array (4 demodulators, 6 capacitors), **mutated in place**
-Charge    a switch that opens leaves `inject` volts on its capacitor: on-time mean raised by 2 Q R f per stage
-Source    docs/parts/sid.md
+Charge    a switch that opens leaves `inject` volts on its capacitor: on-time mean raised by 2 Q R f per stage, C1 once,
+          C3 twice, C5 three times. `inject_v` takes six voltages
+Behaviour gain 4/pi in phase, 0 in quadrature; odd harmonics n by 1/n, even ones 0; input offset cancels
+Duty      plant.sid_fall_s: delay of a falling edge less that of a rising one. The mean edge moves by half of it: xe2'
+          and ye2' fall by 0.002 deg per ns. Even harmonics no longer cancel. The averaged plant refuses it
+Limits    equal, buffered stages; r <= 0.004, a corner below 318 Hz at 1 us
+Source    docs/plant.md, docs/decisions/0004-six-capacitor-sid.md
 """
 
 import functools
@@ -58,7 +63,7 @@ def design(rc_s, h_s, inject_v=(0.0,) * CAPACITORS):
     inject_v  volts left on C1 C3 C5 C2 C4 C6 when the switch opens; see `injection_volts`
     """
     if not (rc_s > 0.0 and h_s > 0.0 and h_s / rc_s <= R_LIMIT):
-        raise ValueError(f"sid rc_s: {rc_s} s is below {h_s / R_LIMIT:g} s, the least for ticks of {h_s} s")
+        raise ValueError(f"sid rc_s: {rc_s} s is below {h_s / R_LIMIT:g} s, the minimum for ticks of {h_s} s")
     if len(inject_v) != CAPACITORS or not all(abs(v) < 1.0 for v in inject_v):
         raise ValueError(f"sid inject_v: {inject_v} is not six voltages between -1 and 1 V")
     with mpmath.workprec(120):

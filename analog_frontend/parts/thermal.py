@@ -14,8 +14,12 @@
     rise(t) = self_heating (1 - exp(-t / tau))  package over ambient, off by default
 
 The ring diode is not here: `propagator.cv_chain` takes the device at temp_ref and the temperature.
+Leakage  I/(2 f) a half turn on each held capacitor, taken as a charge at the edge. It doubles in 10 K: a rule of thumb
+Bias     d_xy/(2 m_c) + (d rate/d sine + d rate/d cosine)(6 R f dQ + dQ/(4 C)), dQ = Q mismatch + I/(2 f). d_xy is a
+         share of d_x, so its bias goes with 1/Q(T)
+Range    -55 to 125 degC
 Numbers  240-bit arithmetic, rounded once per field: the same doubles on every machine. At temp_ref nothing changes.
-Source   docs/parts/thermal.md
+Source   docs/plant.md
 """
 
 from typing import NamedTuple

@@ -14,9 +14,9 @@ import sys
 
 from fpga_model.rates import TICK_HZ
 from testbench.bench import kernels, machine, measure_speed, peers
-from testbench.console.markdown import ROOT, markdown, need_repository, replace_part
+from testbench.console.markdown import ROOT, need_repository
+from testbench.console.results import write_results
 from testbench.console.text_table import Table
-from testbench.storage.files import write_text
 
 COMMAND = "python -m testbench.bench.c_firmware"
 NAME = "c"
@@ -65,10 +65,9 @@ def main():
     need_repository()
     cpu_time_table = table(measure_cpu_times(ROOT / "build" / "bench"))
     print_tables([cpu_time_table])
-    page = ROOT / "docs" / "speed.md"
-    text = f"Measured with `{COMMAND}` on {cpu_time_table.note}.\n\n{markdown(cpu_time_table)}"
-    write_text(page, replace_part(page.read_text(), "c_firmware", text))
-    print("written: docs/speed.md")
+    note = f"Measured on {cpu_time_table.note}."
+    write_results("speed_c_firmware", COMMAND, [cpu_time_table._replace(title="", note=note)])
+    print("written: docs/results/speed_c_firmware.json")
     return 0
 
 

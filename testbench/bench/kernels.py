@@ -51,7 +51,7 @@ def gyroscope(engine_name, locked=True, changes=None, codes=True):
     sim.now = (np.array([RATE_RAD_S]), np.array([TEMP_DEGC]))
     if locked:
         if simulate.start(sim.config, sim, RATE_RAD_S, TEMP_DEGC) is None:
-            raise RuntimeError(f"not locked with {changes}: nothing to time")
+            raise RuntimeError(f"not locked with {changes}: nothing can be timed")
         advance(sim, -sim.tick % FRAME_TICKS)
     sim.engine = engine_name or sim.engine
     return sim
@@ -218,7 +218,7 @@ def output(code):
     process = _spawn_python(code)
     printed_text, _ = process.communicate()
     if process.returncode:
-        raise RuntimeError(f"a process of the bench failed: {code}")
+        raise RuntimeError(f"a process of the benchmark failed with exit code {code}")
     return printed_text.splitlines()[-1]
 
 

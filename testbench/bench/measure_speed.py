@@ -18,7 +18,8 @@ from functools import partial
 from analog_frontend.parts.noise import HOLD
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench import engine_stages, kernels, machine, many, peers
-from testbench.console.markdown import ROOT, markdown, need_repository, replace_part
+from testbench.console.markdown import ROOT, need_repository
+from testbench.console.results import write_results
 from testbench.console.text_table import Table, to_decimals
 from testbench.storage.files import write_text
 
@@ -288,8 +289,8 @@ def stage_table(result):
     return Table("Stages of the frame engine", ("stage", "CPU time per tick", "of the engine"), rows, "", (1, 2))
 
 
-def speed_part(result):
-    """The generated part of docs/speed.md."""
+def result_tables(result):
+    """What docs/results/speed.json holds."""
     speed_table = table(result)
     roof = "The roof was not measured."
     if result["peak_pairs_per_s"] is not None:
@@ -297,13 +298,13 @@ def speed_part(result):
             f"Roof: {result['pairs_per_tick']:.0f} multiplications with an addition each per tick, and "
             f"{result['peak_pairs_per_s'] / 1e9:.1f}e9 such pairs per second measured."
         )
-    return (
-        f"Measured with `{COMMAND}` on {speed_table.note}.\n\n{markdown(speed_table)}\n\n{roof}\n\n"
-        f"Where the frame engine's time goes, each stage alone:\n\n{markdown(stage_table(result))}\n\n"
-        "How the cost of the frame engine grows, and that of one of several lanes:\n\n"
-        f"{markdown(growth_table(result))}\n\n"
-        f"What more cores bring:\n\n{markdown(many.cores_table(result))}\n\n{many.sentences(result)}"
-    )
+    growth = "How the cost of the frame engine grows, and that of one of several lanes"
+    return [
+        speed_table._replace(title="", note=f"Measured on {speed_table.note}.\n\n{roof}"),
+        stage_table(result)._replace(title="Where the frame engine's time goes, each stage alone"),
+        growth_table(result)._replace(title=growth),
+        many.cores_table(result)._replace(title="What more cores bring", note=many.sentences(result)),
+    ]
 
 
 def main():
@@ -315,7 +316,6 @@ def main():
     print_tables([table(result), stage_table(result), growth_table(result), many.cores_table(result)])
     (ROOT / "build").mkdir(exist_ok=True)
     write_text(ROOT / "build" / "bench.json", json.dumps(result, indent=1) + "\n")
-    page = ROOT / "docs" / "speed.md"
-    write_text(page, replace_part(page.read_text(), "speed", speed_part(result)))
-    print("written: build/bench.json, docs/speed.md")
+    write_results("speed", COMMAND, result_tables(result))
+    print("written: build/bench.json, docs/results/speed.json")
     return 0

@@ -61,7 +61,7 @@ class Progress:
         self._executor = executor
         self._began = self._line = self._now()
         if not self._quiet:
-            self._say(f"{total} points, {reused} of them finished before")
+            self._say(f"{total} points, {reused} of them finished earlier")
 
     def note(self, text):
         """A line of its own."""

@@ -20,18 +20,20 @@ app = typer.Typer(
     name="campaign",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    help="Many runs from one plan: sweeps and Monte Carlo, resumable, on this machine or a Dask cluster.",
+    help="Run sweeps and Monte Carlo studies from a plan, resumable, on this machine or on a Dask cluster.",
 )
 
 StorePath = Annotated[Path, typer.Argument(metavar="STORE", help="Folder of a campaign's results.")]
-Name = Annotated[str | None, typer.Argument(metavar="[PLAN]", help="Name of a plan; the only one if left out.")]
+Name = Annotated[
+    str | None, typer.Argument(metavar="[PLAN]", help="Name of a plan; required only if the store has several.")
+]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="One value over the plan's [set]; may be repeated."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace one value of the plan's [set]; may be repeated."),
 ]
 Engines = Annotated[
     list[str] | None,
-    typer.Option("--engine", metavar="NAME=PLACE", help="Engine of one's own, at package.module:OBJECT; repeatable."),
+    typer.Option("--engine", metavar="NAME=PLACE", help="Add an engine, at package.module:OBJECT; may be repeated."),
 ]
 EXIT_FAILED = 2
 MOST_PRINTED_FAILURES = 5
@@ -41,21 +43,23 @@ class RunOptions(NamedTuple):
     """Options of `gyro campaign run`."""
 
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan.")]
-    out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may hold other plans.")]
+    out: Annotated[
+        Path, typer.Option("--out", metavar="STORE", help="Folder of the results; may contain those of other plans.")
+    ]
     sets: Sets = None
     engine_options: Engines = None
-    workers: Annotated[int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")] = (
-        None
-    )
+    workers: Annotated[
+        int | None, typer.Option(min=0, help="Worker processes; 0: only this one; default: one per core.")
+    ] = None
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tls://10.0.0.1:8786.")
     ] = None
     unencrypted_scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="The same without certificates: whoever reaches it runs code as you."),
+        typer.Option(metavar="ADDRESS", help="The same, unencrypted: anyone who reaches it can run code as you."),
     ] = None
     cluster: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="A Dask cluster of N workers on this machine.")
+        int | None, typer.Option(metavar="N", min=1, help="Start a Dask cluster of N workers on this machine.")
     ] = None
     as_json: Json = False
 
@@ -63,11 +67,11 @@ class RunOptions(NamedTuple):
 @app.command()
 @takes(RunOptions)
 def run(o):
-    """Run what is missing of a plan, and make its results. The same command continues after any interruption."""
+    """Run the missing points of a plan and write its results. The same command continues after an interruption."""
     from testbench.errors import ConfigError
 
     if sum(choice is not None for choice in (o.workers, o.scheduler, o.unencrypted_scheduler, o.cluster)) > 1:
-        raise ConfigError("--workers, --scheduler, --unencrypted-scheduler and --cluster: give one of them")
+        raise ConfigError("--workers, --scheduler, --unencrypted-scheduler and --cluster: give only one of them")
     from testbench.campaign import execute
     from testbench.campaign.campaign_progress import Progress
     from testbench.campaign.plan.plan import read
@@ -76,7 +80,7 @@ def run(o):
     try:
         report = execute.run(campaign_plan, o.out, _executor(o), Progress(quiet=o.as_json))
     except KeyboardInterrupt:
-        typer.echo("gyro: what is finished is kept: the same command continues", err=True)
+        typer.echo("gyro: finished points are kept; run the same command again to continue", err=True)
         raise
     _print_report(report, o.as_json)
     if report.failures:
@@ -110,9 +114,9 @@ def _print_report(report, as_json):
         files = [str(path) for path in report.files]
         print_json({**report._asdict(), "rejected": rejected, "failures": failures, "files": files})
         return
-    typer.echo(f"{report.name}: {report.points} points, {report.reused} finished before, {report.done} now")
+    typer.echo(f"{report.name}: {report.points} points, {report.reused} finished earlier, {report.done} in this run")
     if report.failures:
-        typer.echo(f"{len(report.failures)} failed; the same command tries them again:")
+        typer.echo(f"{len(report.failures)} points failed; run the same command again to retry them:")
     for address, text in report.failures[:MOST_PRINTED_FAILURES]:
         typer.echo(f"  {address[:12]}  {text}")
     if len(report.failures) > MOST_PRINTED_FAILURES:
@@ -128,7 +132,7 @@ def check(
     engine_options: Engines = None,
     as_json: Json = False,
 ):
-    """Check every point of a plan, and say what it would run."""
+    """Check every point of a plan, and print its axes and its number of points."""
     from testbench.campaign.plan import plan as plans
 
     campaign_plan = plans.read(plan, sets or (), engine_options or ())
@@ -145,7 +149,7 @@ def check(
 
 @app.command()
 def status(store: StorePath, as_json: Json = False):
-    """Say what is finished of every plan in a store, what failed last, what is damaged, and who is at work."""
+    """Print finished and failed points of every plan in a store, damaged files, and the process that runs there."""
     from testbench.campaign.status import store_status
     from testbench.campaign.store import Store
 
@@ -157,7 +161,7 @@ def status(store: StorePath, as_json: Json = False):
         print_json({"busy": busy, "owner": owner, "plans": plans, "damaged": damaged, "journal": lines})
     else:
         _print_status(plans, damaged, lines)
-        typer.echo(f"at work: {results_store.owner()}" if busy else "nobody is at work here")
+        typer.echo(f"running: {results_store.owner()}" if busy else "no campaign is running in this store")
     if damaged:
         raise typer.Exit(EXIT_FAILED)
 
@@ -171,7 +175,7 @@ def _print_status(plans, damaged, lines):
     for text in damaged:
         typer.echo(text)
     if lines:
-        typer.echo(f"{len(lines)} lines of journals cannot be read and do not count: {lines[0]}")
+        typer.echo(f"{len(lines)} unreadable lines of journals are ignored; the first: {lines[0]}")
 
 
 def _only(store, name):
@@ -186,7 +190,7 @@ def _only(store, name):
 
 @app.command()
 def show(store: StorePath, name: Name = None, as_json: Json = False):
-    """Show the axes of a plan and mean, spread and limits of its numbers over the points that are finished."""
+    """Print the axes of a plan, and mean, standard deviation and range of each number over the finished points."""
     from testbench.campaign import collect
     from testbench.campaign.campaign_progress import Running
     from testbench.campaign.store import Store
@@ -234,14 +238,14 @@ def show(store: StorePath, name: Name = None, as_json: Json = False):
 def _end(faults):
     """Say which finished points did not count, one line each; the exit code says that there are some."""
     for text in faults.values():
-        typer.echo(f"{text}; gyro campaign run makes it again", err=True)
+        typer.echo(f"{text}; gyro campaign run computes it again", err=True)
     if faults:
         raise typer.Exit(EXIT_FAILED)
 
 
 @app.command(name="collect")
 def collect_command(store: StorePath, name: Name = None):
-    """Make the results of a plan from the points that are finished, whatever became of the campaign."""
+    """Write the results of a plan from its finished points, also if the campaign was interrupted."""
     from testbench.campaign import collect
     from testbench.campaign.store import Store
 
@@ -256,7 +260,7 @@ def collect_command(store: StorePath, name: Name = None):
 @app.command()
 def table(
     store: StorePath,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.parquet", help="Where to.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.parquet", help="File to write.")],
     name: Name = None,
 ):
     """Write the table of a plan as Parquet (needs pyarrow)."""
@@ -272,12 +276,12 @@ def table(
 @app.command()
 def rerun(
     store: StorePath,
-    point: Annotated[str, typer.Argument(metavar="POINT", help="Address, or its first digits.")],
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Where the new file goes.")] = None,
+    point: Annotated[str, typer.Argument(metavar="POINT", help="Address of the point, or its first digits.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="File to write the point to.")] = None,
     engine_options: Engines = None,
     as_json: Json = False,
 ):
-    """Run one finished point alone, here, and compare it with its file byte for byte."""
+    """Run one finished point again on this machine, and compare it with its file byte for byte."""
     from testbench.campaign.rerun import rerun as rerun_point
 
     report = rerun_point(store, point, out, engine_options or ())

@@ -48,8 +48,8 @@ class Cluster:
             raise ClusterError(f"{self.option} {address}: is not of the form tls://HOST:PORT")
         if address is not None and not (unencrypted or address.startswith(ENCRYPTED)):
             raise ClusterError(
-                f"--scheduler {address}: has no certificates: whoever reaches it runs code as you; "
-                f"use tls://, or in a network that you trust --unencrypted-scheduler {address}"
+                f"--scheduler {address}: has no certificates, so anyone who reaches it can run code as you; "
+                f"use tls://, or in a trusted network --unencrypted-scheduler {address}"
             )
         self.address, self.workers = address, workers
         self._stack = contextlib.ExitStack()
@@ -75,7 +75,7 @@ class Cluster:
         except (OSError, TimeoutError) as problem:
             self._close()
             raise ClusterError(
-                f"{self.option} {self.address}: no Dask scheduler answers there within {CONNECT_S:g} s "
+                f"{self.option} {self.address}: no Dask scheduler answered within {CONNECT_S:g} s "
                 f"({type(problem).__name__}: {problem})"
             ) from None
         except BaseException:
@@ -114,7 +114,7 @@ class Cluster:
         until = time.monotonic() + NO_WORKER_S
         while not self._client.scheduler_info()["workers"]:
             if time.monotonic() > until:
-                raise ClusterError(f"{self.address}: the scheduler has no workers for {NO_WORKER_S:g} s")
+                raise ClusterError(f"{self.address}: the scheduler has had no workers for {NO_WORKER_S:g} s")
             time.sleep(POLL_S)
         self.workers = sum(w["nthreads"] for w in self._client.scheduler_info()["workers"].values())
 
@@ -192,7 +192,7 @@ class Cluster:
         problem = future.exception()
         name = type(problem).__name__
         if isinstance(problem, ImportError):
-            return work.Outcome(address, work.STOP, f"a Dask worker cannot import what it should run: {problem}")
+            return work.Outcome(address, work.STOP, f"a Dask worker cannot import the code of the point: {problem}")
         if name == "KilledWorker":
             return work.Outcome(address, work.FAILED, f"the workers that ran this point died ({problem.last_worker})")
         return work.Outcome(address, work.FAILED, f"{name}: {problem}")

@@ -158,15 +158,17 @@ def _layouts(plan, point_data):
         reserved_names |= {dim for variable in variables.values() for dim in variable.dims}
         for name, (dims, data, attrs) in variables.items():
             if name in reserved_names:
-                raise FileError(f"{store_name(address)}: {name} is a dimension or a parameter, and no name of a result")
+                raise FileError(
+                    f"{store_name(address)}: the result {name} has the name of a dimension or of a parameter"
+                )
             if dims == ("tau_s",) and np.shape(data) != (len(plan.keep.tau_s),):
-                raise FileError(f"{store_name(address)}: {name} is of other tau_s than the plan's")
+                raise FileError(f"{store_name(address)}: {name} was computed for other tau_s than those of the plan")
             text = isinstance(data, str)
             value_array = data if isinstance(data, Stub) else np.asarray(data)
             shape, dtype = value_array.shape, np.dtype(object) if text else value_array.dtype
             was = out.setdefault(name, _Layout(dims, shape, dtype, attrs))
             if was.dims != dims or (was.dtype == object) != text:
-                raise FileError(f"{store_name(address)}: {name} is of another kind than in other points")
+                raise FileError(f"{store_name(address)}: {name} has another data type than in other points")
             longest = tuple(max(a, b) for a, b in zip(was.shape, shape))
             # integers stay integers only if every point has as many
             is_uniform = was.dtype == dtype and was.shape == shape

@@ -101,4 +101,5 @@ def _keep_state(store, digest, state):
 
 def _stop_message(text, store, addresses):
     finished = sum(store.has(address) for address in set(addresses))
-    return f"{text}; {finished} of {len(set(addresses))} points are finished and kept: the same command continues"
+    kept = f"{finished} of {len(set(addresses))} points are finished and kept"
+    return f"{text}; {kept}; run the same command again to continue"

@@ -29,7 +29,7 @@ def find(store, prefix):
     matching_addresses = [address for address in store.addresses() if address.startswith(prefix.lower())]
     if len(matching_addresses) != 1:
         what = f"{len(matching_addresses)} points begin" if matching_addresses else "no finished point begins"
-        raise ConfigError(f"{store.path}: {what} with {prefix!r}; addresses stand in results/*.csv")
+        raise ConfigError(f"{store.path}: {what} with {prefix!r}; results/*.csv list the addresses")
     return matching_addresses[0]
 
 
@@ -49,12 +49,12 @@ def rerun(path, prefix, out=None, engine_options=()):
     code = engines.source_hash(engine)
     if code != data.code:
         raise FileError(
-            f"{store.point_path(address)}: was made by sources {data.code[:12]}, these are {code[:12]}: "
+            f"{store.point_path(address)}: was computed by sources {data.code[:12]}, these are {code[:12]}; "
             "only the same sources give the same bytes"
         )
     state = state_path(data, store.path / "states")
     if state is not None and hashlib.sha256(inputs.read_bytes(state)).hexdigest() != state.stem:
-        raise FileError(f"{state}: is damaged: its SHA-256 is not its name; run the campaign again")
+        raise FileError(f"{state}: is damaged: its SHA-256 differs from its name; run the campaign again")
     rerun_bytes, _ = work.compute(identity, store.path / "states", engine)
     if out is not None:
         write_bytes(out, rerun_bytes)

@@ -99,7 +99,7 @@ def decode(data, path):
     """(identity, {name: Variable}) of the bytes of a file; FileError if they were damaged, or never were a point."""
     body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
     if seal != SEAL % hashlib.sha256(body).hexdigest().encode():
-        raise FileError(f"{path}: is damaged: its seal does not hold")
+        raise FileError(f"{path}: is damaged: its SHA-256 does not match")
     with inputs.explain_damage(path, "point"), h5py.File(io.BytesIO(body), "r") as file:
         datasets = _datasets(file, path, len(body))
         variables = {
@@ -116,12 +116,14 @@ def _datasets(file, path, size):
     for name in file:
         item = out[name] = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
         if not isinstance(item, h5py.Dataset):
-            raise FileError(f"{path}: /{name}: is no dataset of its own")
+            raise FileError(f"{path}: /{name}: is not a dataset, or only a link to one")
         created = item.id.get_create_plist()
         if created.get_layout() not in STORED_AS or created.get_external_count() or item.ndim > 1:
-            raise FileError(f"{path}: /{name}: is stored in another way than the data of a point")
+            raise FileError(f"{path}: /{name}: has another storage layout than the data of a point")
         if item.dtype.kind not in "iufb" and not (item.ndim == 0 and h5py.check_string_dtype(item.dtype)):
-            raise FileError(f"{path}: /{name}: {item.dtype} of shape {item.shape} is no number, row of numbers or text")
+            raise FileError(
+                f"{path}: /{name}: {item.dtype} of shape {item.shape} is not a number, a row of numbers or a text"
+            )
         total += item.nbytes
     if total > size:
         raise FileError(f"{path}: {total} bytes of data do not fit a file of {size} bytes")
@@ -134,7 +136,7 @@ def _variable(dataset, error_prefix):
     dataset_attrs = dataset.attrs
     names = [name for name in dataset_attrs if name != "DIMENSION_LIST"]
     if any(dataset_attrs.get_id(name).shape for name in names):
-        raise FileError(f"{error_prefix}: an attribute is no number or text")
+        raise FileError(f"{error_prefix}: an attribute is neither a number nor a text")
     dims = tuple(dim[0].name.removeprefix("/") for dim in dataset.dims) if dataset.ndim else ()
     if not all(DIMENSION.fullmatch(dim) for dim in dims):
         raise FileError(f"{error_prefix}: {dims} are not the dimensions of a point")

@@ -97,9 +97,9 @@ class Store:
         if head.exists():
             return  # made by another process a moment ago, and with it what else is here
         if strange or (path.exists() and not path.is_dir()):
-            raise FileError(f"{path}: is not empty and no store of campaigns; choose another folder")
+            raise FileError(f"{path}: is neither empty nor a store of campaigns; choose another folder")
         if not create:
-            raise FileError(f"{path}: is no store of campaigns; gyro campaign run makes one")
+            raise FileError(f"{path}: is not a store of campaigns; gyro campaign run creates one")
         path.mkdir(parents=True, exist_ok=True)
         name = uuid.uuid4().hex
         part = path / f"{head.name}.{name}"
@@ -134,7 +134,7 @@ class Store:
         """Keep every other process from this point; waits while another one has it."""
         path = self.path / "claims" / address
         try:
-            lock = shared_files.wait_for_lock(path, "is at work on this point")
+            lock = shared_files.wait_for_lock(path, "runs this point")
         except OSError as problem:
             raise explain(path, problem) from None
         with lock:
@@ -196,7 +196,7 @@ class Store:
     @contextlib.contextmanager
     def hold_lock(self):
         """Be the one campaign at work here, or FileError that says who is."""
-        with hold_lock(self.path / "lock", f"{self.path}: another campaign is at work here"):
+        with hold_lock(self.path / "lock", f"{self.path}: another campaign is running in this store"):
             yield
 
     def owner(self):
@@ -221,5 +221,5 @@ def _event(line, error_prefix):
     """`Event` of a line of a journal; FileError if its checksum, its form or its end is not as it was written."""
     text, _, crc = line.partition(CRC.encode())
     if not line.endswith(b"\n") or (crc and crc != b'%08x"}\n' % zlib.crc32(text)):
-        raise FileError(f"{error_prefix}: is damaged: its checksum does not hold")
+        raise FileError(f"{error_prefix}: is damaged: its checksum does not match")
     return inputs.parse_json(line, error_prefix, Event)

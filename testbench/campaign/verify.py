@@ -36,7 +36,7 @@ def _read_point_file(path, declared):
     """(bytes, True if the journal declares them)."""
     data = inputs.read_bytes(path, MOST_BYTES)
     if declared and hashlib.sha256(data).hexdigest() not in declared:
-        raise FileError(f"{path}: was changed: the journal has another SHA-256 of it")
+        raise FileError(f"{path}: was changed: its SHA-256 differs from that in the journal")
     return data, bool(declared)
 
 

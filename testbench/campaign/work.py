@@ -102,7 +102,7 @@ def run_batch(store_path, store_name, batch):
     try:
         store = Store.open_folder(store_path)
         if store.name != store_name:
-            raise FileError(f"{store_path}: is another store here than where the campaign runs")
+            raise FileError(f"{store_path}: is not the store of the campaign on this machine")
         with ENGINE_LOCK:
             return _run(store, batch)
     except (FileError, ConfigError) as problem:
@@ -128,7 +128,8 @@ def _run(store, batch):
         for task in tasks:
             if task.code != engines.source_hash(engine):
                 raise FileError(
-                    f"worker: its sources ({engines.source_hash(engine)[:12]}) are not the campaign's {task.code[:12]}"
+                    f"worker: its sources ({engines.source_hash(engine)[:12]}) differ from those of the campaign "
+                    f"({task.code[:12]})"
                 )
         for _, address, _ in ahead:
             store.journal("start", point=address)

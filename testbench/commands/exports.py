@@ -1,6 +1,6 @@
 """`gyro registers`, `fmu` and `host`: a folder written for other tools; no computing.
 
-Source  docs/register_map.md, docs/fmu.md, docs/blocks/host.md
+Source  docs/register_map.md, docs/fmu.md, docs/host_port.md
 """
 
 from pathlib import Path
@@ -9,9 +9,11 @@ from typing import Annotated
 import typer
 
 from testbench.console.options import ConfigFile, Json, Sets, load, overrides
-from testbench.console.show import print_json, print_list
+from testbench.console.show import print_json, print_list, print_reference
 
-Folder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write; an older one is replaced.")]
+Folder = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder to write; an earlier export there is replaced.")
+]
 
 
 def _print_written(paths, as_json):
@@ -22,8 +24,20 @@ def _print_written(paths, as_json):
         print_list("Written:", files)
 
 
-def registers(out: Folder, config: ConfigFile = None, sets: Sets = None, as_json: Json = False):
-    """Write the register map as SystemRDL, C header with driver, UVM register model, IP-XACT and HTML pages."""
+def registers(
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; without it the map is printed.")
+    ] = None,
+    config: ConfigFile = None,
+    sets: Sets = None,
+    as_json: Json = False,
+):
+    """Print the register map, or write it as SystemRDL, C header with driver, UVM register model, IP-XACT and HTML."""
+    if out is None:
+        from testbench.commands.reference_tables import register_table
+
+        print_reference([register_table()], as_json)
+        return
     from testbench.register_map.export_registers import export
 
     _print_written(export(out, load(config, overrides(sets))), as_json)
@@ -49,7 +63,7 @@ def host(
     bus: Annotated[str, typer.Option("--bus", metavar="BUS", help="Port of the host: spi or axi (AXI4-Lite).")] = "spi",
     as_json: Json = False,
 ):
-    """Write the RTL with a port of the host, closed around the plant and locked, with a host in C that reads it."""
+    """Write the RTL with a host port, in closed loop with the plant and locked, and a C program that reads it."""
     from testbench.host.export_host import export
 
     _print_written(export(out, load(config, overrides(sets)), bus), as_json)

@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from testbench.campaign import cli as campaign_cli
-from testbench.commands import exports
+from testbench.commands import exports, reference
 from testbench.console import standard
 from testbench.console.options import ConfigFile, Json, Sets, Temperature, load, overrides, takes
 from testbench.console.progress import Progress
@@ -40,7 +40,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
-    help="Golden reference for the firmware of a MEMS gyroscope, closed around its plant.",
+    help="Golden reference for the firmware of a MEMS gyroscope, in closed loop with its plant.",
 )
 app.add_typer(golden_cli.app)
 app.add_typer(campaign_cli.app)
@@ -50,6 +50,7 @@ inference_cli.add(paper_cli.reports)
 app.command()(loop_cli.loop)
 app.command()(design_cli.design)
 app.command()(study_cli.study)
+app.command()(reference.config)
 app.command()(exports.registers)
 app.command()(exports.fmu)
 app.command()(exports.host)
@@ -82,24 +83,27 @@ class RunOptions(NamedTuple):
     no_noise: Annotated[bool, typer.Option("--no-noise", help="Switch every noise source off.")] = False
     engine: Annotated[str | None, typer.Option(help="Engine: frame or clocked (the same bits), or baseband.")] = None
     plant: Annotated[
-        Path | None, typer.Option(metavar="LIB", help="Shared library that is the plant instead of the own one.")
+        Path | None, typer.Option(metavar="LIB", help="Shared library with a plant, instead of the built-in one.")
     ] = None
-    plant_file: Annotated[Path | None, typer.Option(metavar="FILE", help="Text for this library alone.")] = None
+    plant_file: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Text file that is passed to this library.")
+    ] = None
     out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for record, pictures and report.")] = None
     resume: Annotated[str | None, typer.Option(metavar="STATE", help="State file to start from.")] = None
     vcd: Annotated[
-        str | None, typer.Option(metavar="START_US:LENGTH_US", help="Waveforms of a window, from power-on.")
+        str | None, typer.Option(metavar="START_US:LENGTH_US", help="Write waveforms of a window; times from power-on.")
     ] = None
     resume_run: Annotated[
         str | None,
-        typer.Option(metavar="DIR", help="Continue the interrupted run in DIR; its configuration is kept there."),
+        typer.Option(metavar="DIR", help="Continue the interrupted run in DIR with its configuration."),
     ] = None
     discard: Annotated[bool, typer.Option("--discard", help="Discard an unfinished run in the folder.")] = False
     across_versions: Annotated[
-        bool, typer.Option("--across-versions", help="Continue what another version saved; the record says so.")
+        bool,
+        typer.Option("--across-versions", help="Continue a state that another version saved; the record notes it."),
     ] = False
     gyrorec: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the run as a measurement record too, from power-on.")
+        Path | None, typer.Option(metavar="FILE", help="Also write the run from power-on as a measurement record.")
     ] = None
     as_json: Json = False
 
@@ -107,12 +111,12 @@ class RunOptions(NamedTuple):
 @app.command()
 @takes(RunOptions)
 def run(o):
-    """Close the loop from power-on, lock, run the scenario, and say what was measured."""
+    """Simulate power-on, lock and scenario in closed loop, and print what was measured."""
     if o.resume_run is not None:
         if any(o._replace(resume_run=None, as_json=False, across_versions=False, plant=None)):
             raise ConfigError(
-                "--resume-run: the interrupted run keeps its configuration; no other option but --json, --plant and "
-                "--across-versions"
+                "--resume-run: the interrupted run keeps its configuration; the only other options are --json, "
+                "--plant and --across-versions"
             )
         from testbench.storage.checkpoint import open_partial
 
@@ -199,7 +203,7 @@ def _run(config, partial, resume, as_json, discard=False):
 
 @app.command()
 def budget(config: ConfigFile = None, sets: Sets = None, temperature_degc: Temperature = None, as_json: Json = False):
-    """Say where the phase errors come from, in clocks, ns and degrees, from the configuration alone."""
+    """Compute the contributions to each phase error in clocks, ns and degrees, without a simulation."""
     import fpga_model
 
     # only a ring that saturates needs a kernel; to load the compiler takes longer than the rest
@@ -263,7 +267,7 @@ def _check_arguments(argv):
         if not text:
             raise ConfigError(f"{option_label}: is empty")
         if "\0" in text:
-            raise ConfigError(f"{option_label}: {text!r} has a NUL")
+            raise ConfigError(f"{option_label}: {text!r} contains a NUL character")
     threads = os.environ.get("NUMBA_NUM_THREADS", "").strip()
     if re.fullmatch(r"-\d+|0+", threads):
         raise ConfigError(f"NUMBA_NUM_THREADS = {threads} is below the limit 1 thread")

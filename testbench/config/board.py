@@ -48,8 +48,8 @@ class _Nominal(_Board):
     """The board that the firmware is designed for: every key of [plant] with its default, unit and limits, and the
     tolerances of the boards that it must work with. All hold at temp_ref_degc."""
 
-    f_tolerance: float = number(0.005, "", 0.0, 0.1, "largest relative error of fx_hz and fy_hz together")
-    q_tolerance: float = number(2.0, "", 1.0, 100.0, "greatest over least value of qx, and of qy")
+    f_tolerance: float = number(0.005, "", 0.0, 0.1, "largest relative error that fx_hz and fy_hz share")
+    q_tolerance: float = number(2.0, "", 1.0, 100.0, "ratio of the greatest to the least value of qx, and of qy")
     transducer_tolerance: float = number(
         0.1,
         "",

@@ -81,7 +81,7 @@ def _invalid_key_line(sections, section, key, value, path):
     if homes := _homes(sections, key):
         return f"{path} is not a known key; {key} belongs in {homes}"
     close_matches = difflib.get_close_matches(key, fields, n=1, cutoff=0.5)
-    hint = f"; did you mean {section}.{close_matches[0]}?" if close_matches else f"; [{section}] knows {_some(fields)}"
+    hint = f"; did you mean {section}.{close_matches[0]}?" if close_matches else f"; [{section}] has {_some(fields)}"
     return f"{path} is not a known key{hint}"
 
 
@@ -106,11 +106,11 @@ def _not_a_number(path, value, info, key):
     has_key_unit = not unit or unit == spaced_unit(info).strip()
     converted = magnitude if has_key_unit else convert(magnitude, have, _suffix(key)[1])
     if converted is None:
-        write = f"{unit} cannot be converted to that"
+        write = f"{unit} cannot be converted to it"
     else:
         write = f"write {key} = {number_text(int(converted) if integer else converted)}"
     in_unit = spaced_unit(info) and f" in{spaced_unit(info)}"
-    return f"{path} = {short_toml(value)} is text; the key wants the bare number{in_unit}: {write}"
+    return f"{path} = {short_toml(value)} is text; the key needs a bare number{in_unit}: {write}"
 
 
 def explain(error, sections, source, origin):

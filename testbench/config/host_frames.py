@@ -5,7 +5,7 @@
     port          `fpga_model.host`, slave and bus, clocked over the frame
 
 So a write takes the ticks of its frame, and then acts as one without the port does. All engines know such a write.
-Source    docs/blocks/host.md
+Source    docs/host_port.md
 """
 
 from typing import NamedTuple

@@ -9,7 +9,7 @@
     [effects]                                           in a configuration beside it
     files = ["x_cubed.toml"]
 
-Source    docs/parts/ports.md
+Source    docs/effects.md
 """
 
 import re

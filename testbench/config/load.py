@@ -44,37 +44,55 @@ def _profile(lo, hi, unit):
 
 
 class _DesignBase(Section):
-    """Rates, word lengths and converters of the firmware; what each means: docs/blocks/design_record.md."""
+    """Rates, word lengths and converters of the firmware; what is refused: docs/firmware.md."""
 
     master_hz: int = number(DEFAULT.master_hz, "Hz", 1_000_000, 200_000_000, "master clock")
-    tick_clocks: int = number(DEFAULT.tick_clocks, "clocks", 16, 32, "master clocks to an update of the DACs")
-    frame_ticks: int = number(DEFAULT.frame_ticks, "ticks", 50, 426, "updates of the DACs to a frame of the ADC")
-    dds_bits: int = number(DEFAULT.dds_bits, "bits", 24, 48, "phase, frequency words and phase words of the DDS")
-    sine_address_bits: int = number(DEFAULT.sine_address_bits, "bits", 4, 12, "address of the quarter-wave table")
-    sine_fraction_bits: int = number(DEFAULT.sine_fraction_bits, "bits", 1, 12, "interpolation between its rows")
-    sine_bits: int = number(DEFAULT.sine_bits, "bits", 10, 20, "sine, its sign included")
-    cordic_iterations: int = number(DEFAULT.cordic_iterations, "rotations", 8, 24, "of the CORDIC, in its 24 clocks")
+    tick_clocks: int = number(
+        DEFAULT.tick_clocks, "clocks", 16, 32, "master clocks per tick, the update period of the DACs"
+    )
+    frame_ticks: int = number(DEFAULT.frame_ticks, "ticks", 50, 426, "ticks per frame of the ADC")
+    dds_bits: int = number(
+        DEFAULT.dds_bits, "bits", 24, 48, "length of phase, frequency words and phase words of the DDS"
+    )
+    sine_address_bits: int = number(
+        DEFAULT.sine_address_bits, "bits", 4, 12, "address length of the quarter-wave table"
+    )
+    sine_fraction_bits: int = number(
+        DEFAULT.sine_fraction_bits, "bits", 1, 12, "fraction bits of the interpolation between table rows"
+    )
+    sine_bits: int = number(DEFAULT.sine_bits, "bits", 10, 20, "length of the sine, sign included")
+    cordic_iterations: int = number(
+        DEFAULT.cordic_iterations, "rotations", 8, 24, "rotations of the CORDIC within its 24 clocks"
+    )
     cordic_guard_bits: int = number(
-        DEFAULT.cordic_guard_bits, "bits", 0, 8, "of the CORDIC below an LSB of its input, and below one of its phase"
+        DEFAULT.cordic_guard_bits, "bits", 0, 8, "guard bits of the CORDIC below the LSB of its input and of its phase"
     )
     drive_dac: Literal["DAC8811", "generic"] = other("DAC8811", "chip of the drive DAC")
     sense_dac: Literal["AD5791", "DAC8811", "generic"] = other("AD5791", "chip of the sense DAC")
-    quadrature_dac: Literal["DAC82002", "generic"] = other("DAC82002", "chip of V_q's DAC, 16 bits")
-    drive_dac_bits: int = number(16, "bits", 8, 16, 'code of a "generic" drive DAC')
-    sense_dac_bits: int = number(20, "bits", 8, 20, 'code of a "generic" sense DAC')
-    adc: Literal["ADS1298", "generic"] = other("ADS1298", "steps of the ADC: plant.adc_step_code, or those of adc_bits")
-    adc_bits: int = number(24, "bits", 16, 24, 'codes of a "generic" ADC, left justified in its words')
-    adc_divider: Literal[2, 4, 8] = other(DEFAULT.adc_divider, "master clocks to a bit of the ADC: its SCLK", "clocks")
+    quadrature_dac: Literal["DAC82002", "generic"] = other("DAC82002", "chip of the V_q DAC, 16 bits")
+    drive_dac_bits: int = number(16, "bits", 8, 16, 'code length of a "generic" drive DAC')
+    sense_dac_bits: int = number(20, "bits", 8, 20, 'code length of a "generic" sense DAC')
+    adc: Literal["ADS1298", "generic"] = other(
+        "ADS1298", "chip of the ADC; its step is plant.adc_step_code, or that of adc_bits"
+    )
+    adc_bits: int = number(24, "bits", 16, 24, 'code length of a "generic" ADC; codes are left-justified in its words')
+    adc_divider: Literal[2, 4, 8] = other(
+        DEFAULT.adc_divider, "master clocks per bit of the ADC (SCLK period)", "clocks"
+    )
     adc_word_bits: int = number(
-        DEFAULT.adc_word_bits, "bits", 16, 24, 'status and each channel of a "generic" ADC on its serial line'
+        DEFAULT.adc_word_bits,
+        "bits",
+        16,
+        24,
+        'length of the status and of each channel on the serial line of a "generic" ADC',
     )
-    adc_channels: int = number(DEFAULT.adc_channels, "", 5, 8, 'channels that a "generic" ADC sends behind its status')
+    adc_channels: int = number(DEFAULT.adc_channels, "", 5, 8, 'channels that a "generic" ADC sends after its status')
     adc_tail_clocks: int = number(
-        0, "clocks", 0, 511, 'CS low behind the last bit of a "generic" ADC; 0 for the 2.056 us of ADS1298'
+        0, "clocks", 0, 511, 'time of CS low after the last bit of a "generic" ADC; 0: the 2.056 us of the ADS1298'
     )
-    coefficient_fraction_bits: int = number(24, "bits", 8, 24, "kp and ki of the four loops")
+    coefficient_fraction_bits: int = number(24, "bits", 8, 24, "fraction bits of kp and ki of the four loops")
     accumulator_fraction_bits: int = number(
-        DEFAULT.accumulator_fraction_bits, "bits", 8, 24, "products and integrators of the four loops"
+        DEFAULT.accumulator_fraction_bits, "bits", 8, 24, "fraction bits of products and integrators of the four loops"
     )
 
 
@@ -82,12 +100,18 @@ def _dac_keys(role, of):
     """Keys of the serial frame of a DAC; but for the divider they need "generic"."""
     latches = Literal["SYNC", "LDAC", "load"]
     return {
-        f"{role}_dac_divider": (int, number(1, "clocks", 1, 4, f"master clocks to a bit of {of} DAC: its SCLK")),
-        f"{role}_dac_frame_bits": (int, number(0, "bits", 0, 24, "its frame; 0 for no more than code and tail")),
-        f"{role}_dac_command": (int, number(0, "", 0, 65535, "number in the bits of the frame before the code")),
-        f"{role}_dac_tail_bits": (int, number(0, "bits", 0, 15, "bits of the frame behind the code, 0")),
-        f"{role}_dac_lead_clocks": (int, number(0, "clocks", 0, 3, "from SYNC low to the clock of the first bit")),
-        f"{role}_dac_latch": (latches, other("SYNC", "what puts the code out: docs/blocks/spi_dac.md")),
+        f"{role}_dac_divider": (int, number(1, "clocks", 1, 4, f"master clocks per bit of the {of} DAC (SCLK period)")),
+        f"{role}_dac_frame_bits": (
+            int,
+            number(0, "bits", 0, 24, f"serial frame of the {of} DAC; 0: code and tail only"),
+        ),
+        f"{role}_dac_command": (
+            int,
+            number(0, "", 0, 65535, "command number, in the bits of the frame before the code"),
+        ),
+        f"{role}_dac_tail_bits": (int, number(0, "bits", 0, 15, "zero bits of the frame after the code")),
+        f"{role}_dac_lead_clocks": (int, number(0, "clocks", 0, 3, "clocks from SYNC low to the first bit")),
+        f"{role}_dac_latch": (latches, other("SYNC", "signal that updates the output: SYNC, LDAC, or the next load")),
     }
 
 
@@ -95,9 +119,9 @@ Design = create_model(
     "Design",
     __base__=_DesignBase,
     __doc__=_DesignBase.__doc__,
-    **_dac_keys("drive", "the drive"),
-    **_dac_keys("sense", "the sense"),
-    **_dac_keys("quadrature", "V_q's"),
+    **_dac_keys("drive", "drive"),
+    **_dac_keys("sense", "sense"),
+    **_dac_keys("quadrature", "V_q"),
 )
 
 
@@ -105,23 +129,33 @@ class Firmware(Section):
     """What the FPGA is built with: structure, loop settings, compensation words."""
 
     board: Literal["analog_sid", "digital_sid"] = other(
-        "analog_sid", "demodulation: by the board's analog SID, or in the FPGA behind converters of one sample a tick"
+        "analog_sid", "demodulation by the board's analog SID, or in the FPGA after ADCs with one sample per tick"
     )
     pipeline_registers: int = number(0, "registers", 0, 8, "extra registers between sine and modulator, one clock each")
     drive_sine_registers: int = number(
-        0, "registers", 0, 8, "further registers between sine and modulator, of the drive alone; the phase is later"
+        0,
+        "registers",
+        0,
+        8,
+        "further registers between sine and modulator in the drive path only; they delay the phase",
     )
-    sense_sine_registers: int = number(0, "registers", 0, 8, "likewise of the sense path alone")
+    sense_sine_registers: int = number(
+        0, "registers", 0, 8, "further registers between sine and modulator in the sense path only"
+    )
     drive_code_registers: int = number(
-        0, "registers", 0, 8, "registers behind the modulator's product, of the drive alone; the code is later, too"
+        0, "registers", 0, 8, "registers after the modulator's product in the drive path only; they delay the code"
     )
-    sense_code_registers: int = number(0, "registers", 0, 8, "likewise of the sense path alone")
+    sense_code_registers: int = number(
+        0, "registers", 0, 8, "registers after the modulator's product in the sense path only"
+    )
     reference_registers: int = number(1, "registers", 0, 3, "registers before the reference pins, one clock each")
-    reference_retimed: bool = other(True, "references leave on the grid of the ticks")
-    frame_latency_drive: int = number(0, "frames", 0, 2, "ticks, each a frame of the DAC, that a drive code waits")
-    frame_latency_sense: int = number(1, "frames", 0, 2, "likewise for the sense code")
+    reference_retimed: bool = other(True, "references change only at ticks")
+    frame_latency_drive: int = number(0, "frames", 0, 2, "ticks that a drive code waits, each one frame of the DAC")
+    frame_latency_sense: int = number(1, "frames", 0, 2, "ticks that a sense code waits, each one frame of the DAC")
     quadrature_update_khz: Literal[500, 1000] = other(
-        500, "most frames of the V_q DAC, every 1, 2, 4 .. ticks; 1000 at 1 MHz violates its SYNC high time", "kHz"
+        500,
+        "highest update rate of the V_q DAC, every 1, 2, 4 .. ticks; 1000 with 1 MHz ticks violates its SYNC high time",
+        "kHz",
     )
     agc_crossover_hz: float = number(3.0, "Hz", 0.01, 100.0, "drive amplitude loop: crossover")
     agc_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive amplitude loop: zero of the PI")
@@ -129,18 +163,20 @@ class Firmware(Section):
     pll_zero_hz: float = number(0.6, "Hz", 0.001, 100.0, "drive frequency loop: zero of the PI")
     ftr_crossover_hz: float = number(15.0, "Hz", 0.001, 200.0, "force-to-rebalance loop: crossover of the integrator")
     ftr_zero_hz: float = number(100.0, "Hz", 0.01, 4000.0, "force-to-rebalance loop: zero of the PI")
-    notch_hz: float = number(0.0, "Hz", 0.0, 1999.0, "notch in the rate output: centre; 0 is no notch")
+    notch_hz: float = number(0.0, "Hz", 0.0, 1999.0, "notch in the rate output: centre frequency; 0: no notch")
     notch_width_hz: float = number(20.0, "Hz", 0.1, 1000.0, "notch in the rate output: width at -3 dB")
     qsc_crossover_hz: float = number(1.0, "Hz", 0.0001, 50.0, "quadrature loop: crossover of the integrator")
     amplitude_um: float = number(5.0, "um", 1e-3, 100.0, "drive amplitude set-point")
     nominal_frequency_hz: float = number(11002.3, "Hz", 1e3, 50e3, "frequency word at power-on; follows nominal.fx_hz")
     kick_v: float = number(10.0, "V", 1e-3, 20.0, "drive voltage of the kick; follows nominal.drive_dac_span_v")
     kick_s: float = number(0.006, "s", 0.000125, 8.0, "length of the kick")
-    decay_s: float = number(0.035, "s", 0.000125, 8.0, "drive off behind the kick, until the demodulators have settled")
+    decay_s: float = number(
+        0.035, "s", 0.000125, 8.0, "time with the drive off after the kick, until the demodulators have settled"
+    )
     search_s: float = number(0.06, "s", 0.000125, 0.511, "length of the search: rotation of the drive signal")
-    search_limit_hz: float = number(80.0, "Hz", 0.1, 4000.0, "largest correction of the frequency that is believed")
-    search_min_v: float = number(0.00576, "V", 1e-6, 1.0, "pickoff signal at the ADC below which nothing is found")
-    retune_s: float = number(0.03, "s", 0.000125, 8.0, "wait behind the search at the corrected frequency")
+    search_limit_hz: float = number(80.0, "Hz", 0.1, 4000.0, "largest frequency correction that the search accepts")
+    search_min_v: float = number(0.00576, "V", 1e-6, 1.0, "pickoff signal at the ADC below which the search fails")
+    retune_s: float = number(0.03, "s", 0.000125, 8.0, "wait after the search at the corrected frequency")
     acquire_share: float = number(
         0.95,
         "",
@@ -152,14 +188,18 @@ class Firmware(Section):
     drive_ceiling_v: float = number(
         10.0, "V", 1e-3, 20.0, "largest drive voltage of the amplitude loop; follows nominal.drive_dac_span_v"
     )
-    pll_limit_hz: float = number(100.0, "Hz", 0.01, 4000.0, "largest distance of the frequency from the search's")
+    pll_limit_hz: float = number(
+        100.0, "Hz", 0.01, 4000.0, "largest difference of the frequency from that of the search"
+    )
     quadrature_ceiling_v: float = number(
         5.5, "V", 1e-3, 20.0, "largest V_q of the quadrature loop; follows nominal.quad_dac_span_v"
     )
     sense_lock_dps: float = number(
         5.0, "deg/s", 1e-3, 1e4, "residual rate and quadrature below which their loops count as locked"
     )
-    sense_lost_dps: float = number(100.0, "deg/s", 1e-3, 1e5, "residual above which they have lost lock")
+    sense_lost_dps: float = number(
+        100.0, "deg/s", 1e-3, 1e5, "residual rate and quadrature above which their loops lose lock"
+    )
     phase_drive_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive sine")
     phase_sense_sine_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the sense sine")
     phase_drive_ref_deg: float = number(0.0, "deg", -180.0, 180.0, "added to the DDS phase of the drive references")
@@ -196,7 +236,7 @@ def _dac_levels_validator(bits):
 
 def _folder(value):
     if not value or "\0" in value:
-        raise scenario.Problem("", f"= {short_toml(value)} is not the name of a folder; . is the present one")
+        raise scenario.Problem("", f"= {short_toml(value)} is not the name of a folder; . is the current one")
 
 
 def _curve(value):
@@ -213,19 +253,25 @@ class _EffectsBase(Section):
     drive_cubic_per_v2: float = number(0.0, "1/V^2", -1e-2, 1e-2, "drive force = k_vf v (1 + c v^2)")
     feedthrough_y: float = number(0.0, "V/V", -1e-2, 1e-2, "drive electrode voltage that reaches the sense C/V output")
     drive_dac_levels: Annotated[Any, _dac_levels_validator(16)] = other(
-        [], 'errors of its levels: texts such as "element 5/8 = -2.2", "step 2/8 = 0.2", "bit 11 = 0.09"', "LSB"
+        [],
+        'level errors of the drive DAC: texts such as "element 5/8 = -2.2", "step 2/8 = 0.2", "bit 11 = 0.09"',
+        "LSB",
     )
-    sense_dac_levels: Annotated[Any, _dac_levels_validator(20)] = other([], "likewise of the sense DAC", "LSB")
+    sense_dac_levels: Annotated[Any, _dac_levels_validator(20)] = other(
+        [], "level errors of the sense DAC, in the same form", "LSB"
+    )
     adc_curve: Annotated[Any, as_validator(_curve)] = other(
-        [], "its transfer's curve: up to 13 parts of full scale, by Chebyshev's T2, T3, .. T14", "1"
+        [],
+        "transfer curve of the ADC: up to 13 coefficients of Chebyshev polynomials T2 .. T14, parts of full scale",
+        "1",
     )
-    adc_turnover: float = number(0.0, "V/V", -1e-3, 1e-3, "of the four demodulator channels: v + c |v|")
+    adc_turnover: float = number(0.0, "V/V", -1e-3, 1e-3, "turnover error of the four demodulator channels: v + c |v|")
     adc_gain_tc_per_k: float = number(
-        0.0, "1/K", -1e-3, 1e-3, "gain of the four channels with the sensor's temperature"
+        0.0, "1/K", -1e-3, 1e-3, "change of the gain of the four channels with the sensor's temperature"
     )
-    adc_memory: float = number(0.0, "V/V", -1e-3, 1e-3, "part of the conversion before that is left in the next")
+    adc_memory: float = number(0.0, "V/V", -1e-3, 1e-3, "part of a conversion that remains in the next one")
     laws: Annotated[Any, as_validator(scenario.check_laws)] = other(
-        [], 'laws of one\'s own, texts such as "force_x = -2.5e9 x^3"; docs/parts/ports.md'
+        [], 'user-defined laws: texts such as "force_x = -2.5e9 x^3"; docs/effects.md'
     )
 
 
@@ -248,42 +294,44 @@ class Noise(Section):
     cv: bool = other(True, "voltage noise at the C/V outputs")
     dac: bool = other(True, "voltage noise of the drive and sense DACs")
     adc: bool = other(True, "converter noise")
-    flicker: bool = other(True, "1/f noise behind the SID")
+    flicker: bool = other(True, "1/f noise after the SID")
     jitter: bool = other(True, "jitter of the master clock at DAC and reference edges")
-    seed: int = number(1, "", 0, 2**62 - 1, "seed of all streams")
+    seed: int = number(1, "", 0, 2**62 - 1, "seed of all noise streams")
 
 
 class Scenario(Section):
     """What happens. Times count from lock unless `origin` says otherwise, in seconds of the master clock."""
 
     engine: Literal["frame", "clocked", "baseband"] = other(
-        "frame", "engine that runs it: frame and clocked have the same bits; baseband, for hours, averages the plant"
+        "frame", "engine of the run: frame and clocked give the same bits; baseband averages the plant, for hours"
     )
     origin: Literal["lock", "power_on"] = other("lock", "what `seconds` and all times of this section count from")
-    seconds: float = number(2.0, "s", 0.001, 36000.0, "length")
+    seconds: float = number(2.0, "s", 0.001, 36000.0, "length of the run")
     temperature_degc: Annotated[Any, _profile(*TEMPS_DEGC, "degC")] = other(
-        25.0, "a number, or points [t_s, degC] joined by straight lines", "degC"
+        25.0, "ambient temperature: a number, or points [t_s, degC] joined by straight lines", "degC"
     )
     rate_dps: Annotated[Any, _profile(-1000.0, 1000.0, "deg/s")] = other(
-        0.0, "a number, or points [t_s, deg/s]", "deg/s"
+        0.0, "angular rate: a number, or points [t_s, deg/s]", "deg/s"
     )
     rate_shape: Literal["linear", "steps"] = other(
         "linear", "points of rate_dps: joined by straight lines (equal times jump), or held until the next"
     )
     register_writes: Annotated[Any, as_validator(scenario.check_register_writes)] = other(
-        [], "[[t_s, register, raw value], ...]"
+        [], "writes to registers: [[t_s, register, raw value], ...]"
     )
     host: Literal["bus", "spi"] = other(
-        "bus", "how registers are written: at once on the bank's bus, or by frames at the SPI pins of the host's port"
+        "bus", "how registers are written: at once on the bank's bus, or by frames at the SPI pins of the host port"
     )
     faults: Annotated[Any, as_validator(scenario.check_faults)] = other(
-        [], "[[t_s, kind, channel, value, duration_s], ...]; kinds below"
+        [], "faults: [[t_s, kind, channel, value, duration_s], ...]; gyro config --faults prints the kinds"
     )
-    diagnose: bool = other(True, "end with a rate step and an open sense loop, which show scale factor and all phases")
-    plant: str = other("", "library that is the plant instead of the own one; only --plant sets it: docs/plant_port.md")
-    plant_file: str = other("", "text file that is handed over to this library alone")
+    diagnose: bool = other(
+        True, "end with a rate step and an open sense loop, which measure scale factor and all phases"
+    )
+    plant: str = other("", "library that replaces the built-in plant; only --plant sets it: docs/plant_port.md")
+    plant_file: str = other("", "text file that is passed to this library")
     resume: str = other("", "state file to start from instead of power-on")
-    across_versions: bool = other(False, "continue what another version of the code saved; a record of both says so")
+    across_versions: bool = other(False, "continue a state that another version of the code saved; the record says so")
 
     @model_validator(mode="after")
     def _check_schedule(self):
@@ -296,8 +344,10 @@ class Output(Section):
 
     directory: Annotated[str, as_validator(_folder)] = other("out", "folder for all files of a run")
     record: bool = other(True, "HDF5 record, run.h5")
-    columns: Annotated[Any, as_validator(scenario.check_columns)] = other([], "columns of the record; none named: all")
-    decimate: int = number(1, "frames", 1, 8000, "frames to a row of the record; codes and words are then sums")
+    columns: Annotated[Any, as_validator(scenario.check_columns)] = other(
+        [], "columns of the record; an empty list means all"
+    )
+    decimate: int = number(1, "frames", 1, 8000, "frames per row of the record; above 1, codes and words are sums")
     checkpoint_s: float = number(60.0, "s", 0.0, 36000.0, "simulated time between checkpoints; 0 writes none")
     pictures: bool = other(True, "PNG pictures")
     html: bool = other(True, "report in one HTML file, run.html")
@@ -326,7 +376,7 @@ class Config(Section):
                 f'= {self.plant.adc_clock_ppm:g} needs firmware.adc_clock = "free_running"; it is "synchronous"',
             )
         if self.scenario.plant_file and not self.scenario.plant:
-            raise scenario.Problem("scenario.plant_file", "needs scenario.plant, the library that reads it")
+            raise scenario.Problem("scenario.plant_file", "needs scenario.plant, the library that reads this file")
         return self
 
     def design_record(self):
@@ -354,7 +404,7 @@ class Config(Section):
 def require_config(config):
     """The configuration itself; ConfigError for what is none."""
     if not isinstance(config, Config):
-        raise ConfigError(f"config = {config!r} is no configuration: config.load(path) reads one")
+        raise ConfigError(f"config = {config!r} is not a configuration; config.load(path) reads one")
     return config
 
 
@@ -434,7 +484,9 @@ def from_dict(tree, source="config", origin=None):
     scenario_section = tree.get("scenario")
     plant_origin = (origin or {}).get(LIBRARY, source)
     if plant_origin not in PERMITTED and isinstance(scenario_section, dict) and scenario_section.get("plant"):
-        raise ConfigError(f"{plant_origin}: {LIBRARY} names a library that would run here; only the option --plant can")
+        raise ConfigError(
+            f"{plant_origin}: {LIBRARY} names a library that would be executed; only the option --plant may name one"
+        )
     tree, filled = inherit_nominal(tree)
     try:
         return Config.model_validate(tree)

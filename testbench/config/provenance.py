@@ -8,15 +8,15 @@ Source    analog_frontend/parts/provenance.py ([plant]), docs/phases.md
 
 from analog_frontend.parts.provenance import ASSUMED, DERIVED, FACT, FITTED, PLANT, Origin
 
-SEARCH = "best fit to xe1 and ye1 of a search over discrete assumptions"
+SEARCH = "of the possible values, those that bring xe1 and ye1 nearest to the paper"
 DESIGN_CHOICE = "this project's design"
 FIRMWARE = {
     "board": Origin(FACT, "the paper demodulates by analog switches"),
     "pipeline_registers": Origin(FITTED, SEARCH),
-    "drive_sine_registers": Origin(ASSUMED, "none"),
-    "sense_sine_registers": Origin(ASSUMED, "none"),
-    "drive_code_registers": Origin(ASSUMED, "none"),
-    "sense_code_registers": Origin(ASSUMED, "none"),
+    "drive_sine_registers": Origin(ASSUMED, "no such registers"),
+    "sense_sine_registers": Origin(ASSUMED, "no such registers"),
+    "drive_code_registers": Origin(ASSUMED, "no such registers"),
+    "sense_code_registers": Origin(ASSUMED, "no such registers"),
     "reference_registers": Origin(FITTED, SEARCH),
     "reference_retimed": Origin(FITTED, SEARCH),
     "frame_latency_drive": Origin(FITTED, SEARCH),
@@ -32,8 +32,8 @@ FIRMWARE = {
     "notch_width_hz": Origin(ASSUMED, DESIGN_CHOICE),
     "qsc_crossover_hz": Origin(ASSUMED, f"{DESIGN_CHOICE}: well below the rate loop"),
     "amplitude_um": Origin(ASSUMED, "typical of such gyroscopes, 2 to 10 um"),
-    "nominal_frequency_hz": Origin(DERIVED, "that of the nominal board"),
-    "kick_v": Origin(DERIVED, "that of the nominal board"),
+    "nominal_frequency_hz": Origin(DERIVED, "value of the nominal board"),
+    "kick_v": Origin(DERIVED, "value of the nominal board"),
     "kick_s": Origin(ASSUMED, DESIGN_CHOICE),
     "decay_s": Origin(ASSUMED, DESIGN_CHOICE),
     "search_s": Origin(ASSUMED, DESIGN_CHOICE),
@@ -42,16 +42,16 @@ FIRMWARE = {
     "retune_s": Origin(ASSUMED, DESIGN_CHOICE),
     "acquire_share": Origin(ASSUMED, DESIGN_CHOICE),
     "acquire_timeout_s": Origin(ASSUMED, DESIGN_CHOICE),
-    "drive_ceiling_v": Origin(DERIVED, "that of the nominal board"),
+    "drive_ceiling_v": Origin(DERIVED, "value of the nominal board"),
     "pll_limit_hz": Origin(ASSUMED, DESIGN_CHOICE),
-    "quadrature_ceiling_v": Origin(DERIVED, "that of the nominal board"),
+    "quadrature_ceiling_v": Origin(DERIVED, "value of the nominal board"),
     "sense_lock_dps": Origin(ASSUMED, DESIGN_CHOICE),
     "sense_lost_dps": Origin(ASSUMED, DESIGN_CHOICE),
     "phase_drive_sine_deg": Origin(ASSUMED, "reset value, before a calibration"),
     "phase_sense_sine_deg": Origin(ASSUMED, "reset value, before a calibration"),
     "phase_drive_ref_deg": Origin(ASSUMED, "reset value, before a calibration"),
     "phase_sense_ref_deg": Origin(ASSUMED, "reset value, before a calibration"),
-    "adc_clock": Origin(ASSUMED, "one oscillator"),
+    "adc_clock": Origin(ASSUMED, "one oscillator clocks FPGA and ADC"),
 }
 SECTIONS = {"plant": PLANT, "firmware": FIRMWARE}
 

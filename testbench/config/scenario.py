@@ -55,16 +55,18 @@ FAULTS = {
     "adc_frozen": FaultKind(ADC_CHANNELS, 0, 0, "", "the channel repeats the code of the frame before"),
     "adc_over_range": FaultKind(ADC_CHANNELS, -1, 1, "sign", "the channel sits at its negative or positive rail"),
     "adc_offset": FaultKind(ADC_CHANNELS, CODE_LO, CODE_HI, "code", "the value is added to the channel's code"),
-    "adc_gain": FaultKind(ADC_CHANNELS, -0xFFFF, 0xFFFF, "/ 65536", "the channel's code times this"),
-    "adc_swapped": FaultKind(ADC_CHANNELS, 0, len(ADC_CHANNELS) - 1, "", "the code of the channel of this number"),
+    "adc_gain": FaultKind(ADC_CHANNELS, -0xFFFF, 0xFFFF, "/ 65536", "the channel's code is multiplied by this value"),
+    "adc_swapped": FaultKind(
+        ADC_CHANNELS, 0, len(ADC_CHANNELS) - 1, "", "the channel gives the code of the channel with this number"
+    ),
     "adc_lost_bit": FaultKind(
-        ("adc",), 25, 143, "bit", "bits behind this one come one early; n bits a word: n + 1 .. 6 n - 1"
+        ("adc",), 25, 143, "bit", "this bit is lost, later bits come one early; for words of n bits: n + 1 .. 6 n - 1"
     ),
     "adc_silent": FaultKind(("adc",), 0, 0, "", "DRDY_N never falls"),
     "adc_bad_status": FaultKind(("adc",), 0, (1 << 24) - 1, "word", "every frame starts with this status word"),
     "dac_stuck": FaultKind(tuple(DAC_CODES), -(1 << 19), (1 << 19) - 1, "code", "the output repeats this code"),
     "sample_stuck": FaultKind(SAMPLES, -(1 << 17), (1 << 17) - 1, "code", "the C/V sample repeats this code"),
-    "sample_frozen": FaultKind(SAMPLES, 0, 0, "", "the C/V sample repeats that of the tick before"),
+    "sample_frozen": FaultKind(SAMPLES, 0, 0, "", "the C/V sample repeats the sample of the tick before"),
     "plant_nan": FaultKind(("x", "y"), 0, 0, "", "the displacement is not a number"),
 }
 
@@ -161,7 +163,7 @@ def profile_points(value, lo, hi, unit):
         if points and t_s < points[-1][0]:
             raise Problem(where, f"is at {t_s:g} s, before its predecessor at {points[-1][0]:g} s")
         if len(points) > 1 and t_s == points[-2][0]:
-            raise Problem(where, f"is the third point at {t_s:g} s; a jump has two")
+            raise Problem(where, f"is the third point at {t_s:g} s; a jump has two points")
         points.append((t_s, level))
     return tuple(points)
 
@@ -271,7 +273,9 @@ def check_times(scenario):
     for key in ("register_writes", "faults"):
         for k, item in enumerate(getattr(scenario, key)):
             if not 0 <= item[0] < scenario.seconds:
-                raise Problem(f".{key}[{k}]", f"is at {item[0]:g} s, outside 0 to {scenario.seconds:g} s (seconds)")
+                raise Problem(
+                    f".{key}[{k}]", f"is at {item[0]:g} s, outside 0 to {scenario.seconds:g} s (scenario.seconds)"
+                )
     busy = {}
     for k, (t_s, kind, channel, _, duration_s) in enumerate(scenario.faults):
         for begin_s, end_s, other in busy.setdefault((kind[:3], channel), []):

@@ -1,4 +1,4 @@
-"""Generated parts of pages: between `<!-- NAME: written by ... -->` and `<!-- end -->`."""
+"""Tables as Markdown."""
 
 import re
 import sys
@@ -11,19 +11,10 @@ def need_repository():
     """End the process with one line where only the package is installed: pages lie in the repository."""
     if not (ROOT / "docs" / "conventions.md").is_file():
         print(
-            f"gyro: {ROOT / 'docs'}: no such folder: this command is for the repository, not for the package",
+            f"gyro: {ROOT / 'docs'}: no such folder: this command needs the repository, not only the installed package",
             file=sys.stderr,
         )
         sys.exit(2)
-
-
-def replace_part(page, name, text):
-    """The page with the part `name` renewed; ValueError if the page has no such part."""
-    marker_match = re.search(rf"<!-- {name}: .*? -->\n", page)
-    if not marker_match:
-        raise ValueError(f"no part {name!r} in the page")
-    end = page.index("<!-- end -->", marker_match.end())
-    return f"{page[: marker_match.end()]}\n{text.strip()}\n\n{page[end:]}"
 
 
 def markdown(table):

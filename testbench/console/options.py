@@ -10,7 +10,7 @@ import typer
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="TOML configuration.")]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="One value, such as plant.fx_hz=11010; may be repeated."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Set one value, such as plant.fx_hz=11010; may be repeated."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")]
 Temperature = Annotated[float | None, typer.Option("--temperature-degc", help="Constant temperature (degC).")]

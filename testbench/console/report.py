@@ -224,7 +224,7 @@ def jitter(edges_ns, grid_ns=None):
             label=text,
         )
     axis.set_ylim(top=axis.get_ylim()[1] * (1.1 + 0.08 * len(edges_ns)))
-    name_axes(axis, x="edge less ideal zero crossing (ns)", y="share of edges (%)", legend="upper left")
+    name_axes(axis, x="edge minus ideal zero crossing (ns)", y="share of edges (%)", legend="upper left")
     return figure
 
 

@@ -74,6 +74,14 @@ def print_tables(tables):
             console.print(_rich_table(table, note), markup=False)
 
 
+def print_reference(tables, as_json):
+    """Tables, or one JSON object: {title up to its colon: [{head: cell}, ...]}."""
+    if as_json:
+        print_json({t.title.partition(":")[0]: [dict(zip(t.heads, row)) for row in t.rows] for t in tables})
+    else:
+        print_tables(tables)
+
+
 def print_list(head, items):
     console = _console()
     if items and head:

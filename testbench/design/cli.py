@@ -14,19 +14,21 @@ from testbench.console.show import print_json, print_list, print_tables
 
 
 def design(
-    target: Annotated[Path, typer.Argument(metavar="TARGET.toml", help="Board, and what it must reach.")],
+    target: Annotated[Path, typer.Argument(metavar="TARGET.toml", help="File with the board and the requirements.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write the configuration there, as TOML.")
+        Path | None, typer.Option("--out", metavar="FILE", help="Write the configuration to this TOML file.")
     ] = None,
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="DIR", help="Write design.html: predictions, margins, plan.")
+        Path | None,
+        typer.Option("--report", metavar="DIR", help="Write design.html with predictions, margins and frequency plan."),
     ] = None,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Play power-on and a multisine of rate through the engine, and compare.")
+        bool,
+        typer.Option("--simulate", help="Simulate power-on and a multisine of rate, and compare with the predictions."),
     ] = False,
     as_json: Json = False,
 ):
-    """Design the loops for a board: a configuration that locks, what it will do, or which limit stops it."""
+    """Design the loops for a board: a configuration that locks with its predictions, or the limit that prevents it."""
     from testbench.config import to_toml
     from testbench.run import outputs
     from testbench.storage.files import atomic_outputs, write_text
@@ -53,5 +55,5 @@ def design(
         print_json({**design_page.as_json(result), "files": written})
         return
     print_tables(design_page.tables(result))
-    print_list("To mind:", result.warnings or ("nothing",))
+    print_list("Warnings:", result.warnings or ("none",))
     print_list("Written:", written)

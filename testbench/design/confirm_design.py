@@ -61,7 +61,7 @@ def measure(config, bandwidth_hz, settle_s=SETTLE_S):
     sim.advance(len(rate) * frame_ticks, rate * DEG, 25.0)
     run = confirm.ProfileRun(1 / frame_hz, sim.columns(), bool(sim.locked))
     if not run.locked:
-        raise ConfigError("simulation: the gyroscope loses lock under the lines of rate")
+        raise ConfigError("simulation: the gyroscope loses lock during the multisine of rate")
     size = np.abs(confirm.measured_response(run, rate, lines, window))
     level = 20 * np.log10(size / size[0])
     stopband_lines = np.flatnonzero(level < -3.0103)

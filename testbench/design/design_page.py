@@ -89,7 +89,7 @@ def tables(result):
         ("one LSB of the force word", _six_digits(effects.word_lsb_dps), "deg/s"),
         ("one LSB of the force DAC", _six_digits(effects.dac_lsb_dps), "deg/s"),
         ("one code of V_q, as quadrature", _six_digits(effects.v_q_lsb_dps), "deg/s"),
-        ("noise at the converter by its step", _six_digits(effects.dither), "rms steps"),
+        ("noise at the converter, relative to its step", _six_digits(effects.dither), "rms steps"),
     ]
     range_rows = [(r.what, f"{r.value:.4g}", f"{r.limit:.4g}", r.unit, f"{100 * r.share:.0f} %") for r in result.ranges]
     plan = [
@@ -100,14 +100,14 @@ def tables(result):
         Table("Chosen", ("key", "value", "unit"), chosen, f"amplitude bounded by: {result.amplitude_bound}"),
         Table(
             "Predicted",
-            ("what", "value", "simulated", "unit"),
+            ("quantity", "value", "simulated", "unit"),
             predicted,
-            "nominal board, noise off; simulated scale: of a line at 2 % of the bandwidth",
+            "nominal board, noise off; the simulated scale factor is that of a sine at 2 % of the bandwidth",
             (1, 2),
         ),
-        Table("Rounding and limit cycles", ("what", "value", "unit"), rounding),
-        Table("Ranges", ("what", "needs", "limit", "unit", "used"), range_rows, numeric=(1, 2, 4)),
-        Table("Frequency plan", ("what", "Hz", "at least Hz", "kept", "effect"), plan, numeric=(1, 2)),
+        Table("Rounding and limit cycles", ("effect", "value", "unit"), rounding),
+        Table("Ranges", ("range", "needed", "limit", "unit", "used"), range_rows, numeric=(1, 2, 4)),
+        Table("Frequency plan", ("distance", "Hz", "required Hz", "met", "effect"), plan, numeric=(1, 2)),
     ]
 
 
@@ -138,14 +138,14 @@ def write(result, folder, progress=None, cells=9):
     margin_map = margins.margin_map(config, bandwidth * reach, split * reach, result.limits, progress)
     pictures = [
         (
-            "The best loop for each bandwidth and split, its SID capacitor included. Grey: no loop is stable within "
-            "the peak and the modulus margin. Star: this design.",
+            "The best loop for each bandwidth and split, its SID capacitor included. Grey: no stable loop meets "
+            "the limits of peak and modulus margin. Star: this design.",
             design_pictures.margins(margin_map, (bandwidth, split)),
         ),
         ("Open loop of this design, with its margins.", loop_pictures.bode(p, result.advice)),
         ("Closed loop of this design.", loop_pictures.closed_loop_bode(p)),
     ]
     path = folder / "design.html"
-    notes = result.warnings or ("nothing to mind",)
+    notes = result.warnings or ("no warnings",)
     report.write_html(path, "Design", tables(result), pictures, notes, [("configuration", to_toml(config))])
     return path

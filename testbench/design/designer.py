@@ -104,7 +104,7 @@ class _Draft:
                 if "fit format" not in str(problem):
                     raise
                 format_error = problem
-        return self.refuse(f"the firmware's formats do not hold this board's gains: {format_error}")
+        return self.refuse(f"the gains of this board do not fit the formats of the firmware: {format_error}")
 
     def refuse(self, text):
         """ConfigError with the file's name in front."""
@@ -209,19 +209,19 @@ def _why(draft, bands, tolerances, limits):
     most = rate_loop_design.most(bands, limits)
     if target.keep_sid:
         return (
-            f"target.bandwidth_hz = {hz:g} Hz does not go with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, "
+            f"target.bandwidth_hz = {hz:g} Hz is not possible with nominal.sid_c_f = {config.nominal.sid_c_f:g} F, "
             f"which allows at most {most:.3g} Hz; keep_sid = false lets the design choose it"
         )
     if not most:
         return (
             f"rate loop: no bandwidth keeps target.modulus_margin = {limits.modulus:g} and target.peak_db = "
-            f"{limits.peak_db:g} dB within the tolerances of [nominal], with a split of {split:.4g} Hz; smaller "
-            "tolerances or a smaller modulus_margin would do"
+            f"{limits.peak_db:g} dB within the tolerances of [nominal], with a split of {split:.4g} Hz; lower "
+            "the tolerances or the modulus_margin"
         )
     if hz <= most:
         return (
-            f"target.bandwidth_hz = {hz:g} Hz is below what keeps a modulus margin of {limits.modulus:g}, although "
-            f"{most:.3g} Hz does; another bandwidth, or a lower modulus_margin"
+            f"target.bandwidth_hz = {hz:g} Hz does not allow a modulus margin of {limits.modulus:g}, although "
+            f"{most:.3g} Hz does; choose another bandwidth or a lower modulus_margin"
         )
     text = f"target.bandwidth_hz = {hz:g} Hz is above {most:.3g} Hz, the most that a rate loop of this board allows"
     for by in WIDER:
@@ -230,7 +230,7 @@ def _why(draft, bands, tolerances, limits):
             config, {"nominal.fy_hz": config.nominal.fx_hz - by * (config.nominal.fx_hz - config.nominal.fy_hz)}
         )
         if rate_loop_design.choose(other, rate_loop_design.boards(other, tolerances, hz), hz, limits):
-            need = f"{by * split:.3g} Hz would do"
+            need = f"{by * split:.3g} Hz would be enough"
             return f"{text}: the split fx_hz - fy_hz of {split:.4g} Hz of [nominal] is the constraint; {need}"
     return f"{text}: the delay of the converter's frames is the constraint"
 
@@ -256,9 +256,9 @@ def _start_up(draft):
         if promised is not None and promised <= target.startup_s:
             return predicted_start_ups[0], slowest, promised
     if promised is None:
-        draft.refuse(f"start-up of a board of the tolerances: {slowest.failure}")
+        draft.refuse(f"start-up of a board within the tolerances: {slowest.failure}")
     draft.refuse(
-        f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, which the slowest board of the "
+        f"target.startup_s = {target.startup_s:g} s is below {promised:.3g} s, which the slowest board within the "
         f"tolerances needs: {slowest.reached_s:.3g} s to firmware.acquire_share of the amplitude, "
         f"{slowest.drive_s:.3g} s to the drive's lock"
     )
@@ -272,7 +272,7 @@ def _check_loop(draft, advice):
         draft.refuse(f"rate loop: {advice.warnings[0]}; fixed keys of [firmware]: {fixed}")
     off = abs(advice.bandwidth_hz / target.bandwidth_hz - 1)
     for what, value, limit, unit in (
-        ("off target.bandwidth_hz, as a part", off, BANDWIDTH_ROOM, ""),
+        ("relative deviation from target.bandwidth_hz", off, BANDWIDTH_ROOM, ""),
         ("closed-loop peak", advice.peak_db, target.peak_db + PEAK_ROOM_DB, " dB"),
         ("1 - modulus margin", 1 - advice.modulus_margin, 1 - MODULUS_ROOM * target.modulus_margin, ""),
     ):

@@ -119,14 +119,14 @@ def words(config):
     if reach < LEAST_SHARE:
         failure = (
             f"amplitude loop: its proportional part reaches {reach:.2g} of the set-point, below {LEAST_SHARE:g}: Q of "
-            f"{n.qx:g} is too low for the SID's corner of {corner:.3g} Hz; a larger nominal.qx or split would do"
+            f"{n.qx:g} is too low for the SID's corner of {corner:.3g} Hz; choose a larger nominal.qx or split"
         )
     elif weakest < NOISE_ROOM * noise + 2 * offset:
         least_v = NOISE_ROOM * noise + 2 * offset
         failure = (
             f"search: the kick leaves {1e6 * weakest:.3g} uV at {off:.3g} Hz from the first frequency, below "
             f"{1e6 * least_v:.3g} uV, {NOISE_ROOM:g} times the noise and twice the SID's offset; "
-            "a lower nominal.f_tolerance, or a larger nominal.qx or split would do"
+            "choose a lower nominal.f_tolerance, or a larger nominal.qx or split"
         )
     keys = {
         **{f"{loop}_crossover_hz": crossover for loop in ("agc", "pll")},

@@ -128,18 +128,18 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     """[Meeting, ...] of a board whose rate loop has a bandwidth (Hz); `loop` as in `dwell`."""
     f = device.fx_hz
     slow = slides(f, design)[0]
-    ratio = f"edges on the tick, {slow.phase_count} places, exact at {slow.exact_hz:.1f} Hz"
+    ratio = f"beat of edges and ticks, {slow.phase_count} phases, zero at {slow.exact_hz:.1f} Hz"
     off_deg = slow.wander_deg * dwell(slow.beat_hz, math.inf, loop)
-    effect = f"references wander by {slow.wander_deg:.3f} deg, about a mean that is {off_deg:.3f} deg off"
+    effect = f"references vary by {slow.wander_deg:.3f} deg, and their mean is wrong by up to {off_deg:.3f} deg"
     if loop is not None:
-        effect += f"; the mean frequency of {MEAN_S:g} s is known to {1e6 * word_hz(f, MEAN_S, loop, design):.0f} uHz"
+        effect += f"; the mean frequency over {MEAN_S:g} s is known to {1e6 * word_hz(f, MEAN_S, loop, design):.0f} uHz"
     meetings = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect)]
     for h in HARMONICS:
         level = ripple_db(h * f, device)
         alias_distance_hz = max(alias_hz(h * f, design.frame_hz) - h * f * f_tolerance, 0.0)
         meetings.append(
             Meeting(
-                f"{h} f at the frames of {design.frame_hz:g} Hz, tolerance included",
+                f"alias of {h} f at the frame rate {design.frame_hz:g} Hz, tolerance included",
                 alias_distance_hz,
                 bandwidth_hz if level > LEAST_ALIAS_DB else 0.0,
                 f"ripple of {level:.0f} dB of the sense signal",
@@ -149,7 +149,7 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     k = max(round(carrier / design.tick_hz), 1)
     meetings.append(
         Meeting(
-            f"carrier at image {k} of the DAC",
+            f"carrier from image {k} of the DAC",
             abs(carrier - k * design.tick_hz),
             bandwidth_hz,
             f"image of {20 * math.log10(f / (k * design.tick_hz)):.0f} dB of the force, by stray coupling",
@@ -160,10 +160,10 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     turn = math.degrees(math.atan(step / 2 / half_width))
     meetings.append(
         Meeting(
-            f"f/2Q against {LEAST_STEPS} steps of the DDS",
+            f"f/2Q, compared with {LEAST_STEPS} steps of the DDS",
             half_width,
             LEAST_STEPS * step,
-            f"half a step turns by {turn:.2g} deg",
+            f"half a step of the DDS turns the phase by {turn:.2g} deg",
         )
     )
     return meetings

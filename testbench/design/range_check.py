@@ -86,11 +86,18 @@ def ranges(config, target):
     sense_v, drive_v = ROOM * unit_scales["adc_sense_v"], ROOM * unit_scales["adc_drive_v"]
     checked_ranges = [
         Range("force at the sense electrode", force_v, ROOM * n.sense_dac_span_v, "V", True, LOWER_FORCE),
-        Range("force that holds the drive", abs(hold_v) * volts, HOLD_SHARE * n.drive_dac_span_v, "V", True, LOWER),
         Range(
-            "quadrature and leaking rate against V_q's rail", quadrature + leak, ROOM * full, "deg/s", False, LOWER_V_Q
+            "force that keeps the drive amplitude",
+            abs(hold_v) * volts,
+            HOLD_SHARE * n.drive_dac_span_v,
+            "V",
+            True,
+            LOWER,
         ),
-        Range("leaking rate against V_q = 0", leak, ROOM * null_dps, "deg/s", False, LOWER_LEAK),
+        Range(
+            "quadrature and leaked rate against the V_q rail", quadrature + leak, ROOM * full, "deg/s", False, LOWER_V_Q
+        ),
+        Range("leaked rate against V_q = 0", leak, ROOM * null_dps, "deg/s", False, LOWER_LEAK),
         Range("drive signal at the converter", drive, drive_v, "V", True, LOWER_DRIVE),
         Range("rate at the sense converter, loop open", rate * code_v, sense_v, "V", True, LOWER_SENSE),
         Range("quadrature at the sense converter, loop open", quadrature * code_v, sense_v, "V", True, LOWER_SENSE),
@@ -110,5 +117,7 @@ def most_amplitude_um(checked_ranges, amplitude_um):
     tightest = max(growing, key=lambda r: r.share)
     most = amplitude_um / tightest.share
     return (
-        (most, tightest.what) if most < LARGEST_UM else (LARGEST_UM, f"{LARGEST_UM:g} um, the largest that is chosen")
+        (most, tightest.what)
+        if most < LARGEST_UM
+        else (LARGEST_UM, f"{LARGEST_UM:g} um, the largest that the design chooses")
     )

@@ -6,7 +6,7 @@
 State in and out are those of the other engines: what one has begun another continues. Rows come from everywhere, codes
 of single ticks from nowhere; a chunk of less than CHUNK_FRAMES, the first third of a second after power-on, the phase
 meter and windows of registers are run by the frame engine, with its bits.
-Source    docs/parts/averaged.md, docs/decisions/0014-baseband.md
+Source    docs/plant.md, docs/decisions/0014-baseband.md
 """
 
 from __future__ import annotations  # a field may bear the name of its module
@@ -109,18 +109,18 @@ def prepare(p, existing_setup=None):
 
 
 def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
-    """As `engine.run`, within the tolerances of docs/parts/averaged.md.
+    """As `engine.run`, within the tolerances of docs/plant.md.
 
     Raises ConfigError outside the averaged plant's validity, RuntimeError if a register is not what it must be.
     """
     if faults != QUIET:
-        raise ConfigError('scenario.faults: scenario.engine = "baseband" cannot run them, "frame" can')
+        raise ConfigError('scenario.faults: scenario.engine = "baseband" cannot run them; use "frame"')
     u, b = prepare(p)
     fastest = math.degrees(float(np.abs(rate_rad_s).max()))
     if not fastest <= RATE_LIMIT_DEG_S:
         raise ConfigError(
             f"scenario.rate_dps: {fastest:g} deg/s is above {RATE_LIMIT_DEG_S:g} deg/s, "
-            'the limit of scenario.engine = "baseband"; "frame" can run it'
+            'the limit of scenario.engine = "baseband"; use "frame"'
         )
     if o.probe_ints.shape[0] or o.registers.shape[0]:
         return frame.run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o)
@@ -134,8 +134,8 @@ def run(p, s, ticks, rate_rad_s, temp_degc, host, faults, o):
         lsb_hz = p.fpga.design.master_hz / 2**WIDEST
         hz = (far - u.word0) * lsb_hz
         raise ConfigError(
-            f"frequency_word: {hz:+.1f} Hz from the drive mode is beyond the averaged plant's "
+            f"frequency_word: {hz:+.1f} Hz from the drive mode exceeds the averaged plant's limit of "
             f"{u.limit * lsb_hz:g} Hz, within {ticks} ticks from {s.tick}; "
-            'scenario.engine = "frame" can run it'
+            'use scenario.engine = "frame"'
         )
     return engine.State(f, chips, s.plant, end, drdy_cycle)

@@ -4,7 +4,7 @@
     window          codes of the last conversion in, words out: window.run_window, bit for bit
     its ticks       modes, demodulators, converter: averaged_modes, averaged_sid
 
-Source    docs/parts/averaged.md, docs/decisions/0014-baseband.md
+Source    docs/plant.md, docs/decisions/0014-baseband.md
 """
 
 from __future__ import annotations  # a field may bear the name of its module

@@ -2,7 +2,7 @@
 
 Timing comes from the firmware's constants (slots, latencies, frames) and the plant's tick tables; nothing is fitted.
 
-Source    docs/parts/averaged.md
+Source    docs/plant.md
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Setup(NamedTuple):
 
 
 def _reject(key, text):
-    raise ConfigError(f'{key}: {text}; scenario.engine = "baseband" cannot run it, "frame" can')
+    raise ConfigError(f'{key}: {text}; scenario.engine = "baseband" cannot run it; use "frame"')
 
 
 def _mode_hz(table, mode):
@@ -89,7 +89,7 @@ def check(p):
     if p.fpga.digital:
         _reject('firmware.board = "digital_sid"', "its demodulator is firmware at 1 MHz")
     if p.fpga.paths is not None:
-        _reject("firmware.*_sine_registers, *_code_registers", "they are not 0, their only value here")
+        _reject("firmware.*_sine_registers, *_code_registers", "they are not 0, the only value that it supports")
     if a.adc.period * a.adc.decimation != d.frame_ticks * a.adc.tick_units:
         _reject("firmware.adc_clock, plant.adc_decimation", f"a conversion is not one frame of {1e6 / d.frame_hz:g} us")
     for name, part, levels in (("drive", a.drive_dac, a.drive_levels), ("sense", a.sense_dac, a.sense_levels)):
@@ -99,17 +99,23 @@ def check(p):
         if levels.on:
             _reject(
                 f"effects.{name}_dac_levels",
-                "it is not [], its only value here: a level's error needs the code of every tick",
+                "it is not [], the only value that it supports: a level's error needs the code of every tick",
             )
     for field in ("turnover", "gain_tc_per_k", "memory", "curve"):
         largest = max(map(abs, getattr(a.adc, field)))
         if largest:
             _reject(f"effects.adc_{field}", f"{largest:g} is not 0, the only value of the averaged plant's converter")
     if (a.switch_tau_s[0] != a.switch_tau_s[1]).any():
-        _reject("plant.sid_fall_s", "it is not 0, its only value here: both edges of a reference must act alike")
+        _reject(
+            "plant.sid_fall_s",
+            "it is not 0, the only value that it supports: both edges of a reference must act equally",
+        )
     jitter = a.noise.edge_jitter
     if jitter.on and jitter.sigma > JITTER_LIMIT_S:
-        _reject("plant.clock_jitter_s", f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, what may be left out")
+        _reject(
+            "plant.clock_jitter_s",
+            f"{jitter.sigma:g} s is above {JITTER_LIMIT_S:g} s, the largest jitter that it may neglect",
+        )
     (fx, wide_x), (fy, wide_y) = _mode_hz(t, 0), _mode_hz(t, 2)
     lo, hi = drive_hz(d, _valid(p) + SLOT_WORD + 1)
     if not lo <= fx <= hi:
@@ -138,7 +144,7 @@ def _valid(p):
     # the last load of V_q of the frame takes what the window has left
     loaded = p.fpga.design.tick_clocks * last_load_tick(p.fpga)
     if not 0 < valid < min(clocks - 2 * rates.SLOTS, loaded - rates.SLOTS):
-        _reject("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the frame's begin")
+        _reject("plant.adc_delay_s", f"a frame of codes is valid {valid} clocks after the start of the frame")
     return valid
 
 

@@ -4,7 +4,7 @@
     give_state   all states at a frame's first instant, codes of the last ticks, block state
 
 Neither is exact: the averaged plant knows neither the rounding of the DAC codes nor the ripple of the chains.
-Source    docs/parts/averaged.md
+Source    docs/plant.md
 """
 
 import math

@@ -3,7 +3,7 @@
     DAC8811   16 bits, latched by CS        AD5791  20 bits in a frame of 24, latched by LDAC, opened by a control word
     DAC82002  16 bits in a frame of 24      generic a frame, a latch and a code as the keys of its role say
 
-Source    docs/blocks/spi_dac.md, docs/parts/dac_serial.md
+Source    fpga_model/spi_dac.py, analog_frontend/parts/dac_serial.py
 """
 
 from typing import NamedTuple

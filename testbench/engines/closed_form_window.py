@@ -6,7 +6,7 @@
     scale_rate    the rate output until its stages are empty: 6 clocks, all others hold
 
 Bit for bit what `step` gives, clock by clock: tests/testbench/engines/test_closed_form.py.
-Source    docs/blocks/cordic.md, docs/blocks/isqrt.md, docs/decisions/0007-frame-engine.md
+Source    fpga_model/cordic.py, fpga_model/isqrt.py, docs/decisions/0007-frame-engine.md
 """
 
 import math

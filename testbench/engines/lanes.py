@@ -115,7 +115,7 @@ class Engine:
 
     def __init__(self, params):
         if not 1 <= len(params) <= LANES:
-            raise ValueError(f"lanes: {len(params)} gyroscopes, a group has 1 to {LANES}")
+            raise ValueError(f"lanes: {len(params)} gyroscopes are outside 1 .. {LANES} of a group")
         if any(p.fpga.digital for p in params):
             raise ConfigError('lanes: firmware.board = "digital_sid" is run by the frame engine only')
         if any(p.fpga.control.notch is not None for p in params):
@@ -128,7 +128,7 @@ class Engine:
             raise ConfigError("lanes: levels of a DAC and errors of the converter are run by the frame engine only")
         self.design, self.clocks = params[0].fpga.design, dac_clocks(params[0].fpga)
         if any(p.fpga.design != self.design or dac_clocks(p.fpga) != self.clocks for p in params):
-            raise ConfigError("lanes: gyroscopes side by side need the same [design]")
+            raise ConfigError("lanes: all gyroscopes of a group need the same [design]")
         self.params = params
         self.part, self.effect = Kind(_lane_part(params[0])), Kind(params[0].plant.effects)
         self.parts_i, self.parts_f = _rows([_lane_part(p) for p in params])
@@ -193,7 +193,7 @@ class Engine:
         if any(s.tick != begin for s in states):
             raise ValueError("lanes: the gyroscopes of a group are not at the same tick")
         if not all(getattr(o, name).flags.c_contiguous for o in streams for name in STREAMS):
-            raise ValueError("lanes: a stream is not one piece of memory")
+            raise ValueError("lanes: a stream is not contiguous in memory")
         end = begin + ticks
         q.ends[:], q.exit_tick[:], q.entered[:] = end, end, FAR
         chunks, begun = [], []
@@ -343,4 +343,4 @@ def _dac_code_from_volts(part, volts):
     for code in range(nominal_code - reach, nominal_code + reach + 1):
         if dac.volts(part, code) == volts:
             return code
-    raise RuntimeError(f"lanes: {volts} V is the output of no DAC code")
+    raise RuntimeError(f"lanes: no DAC code gives the output {volts} V")

@@ -3,7 +3,7 @@
     DAC codes        sine.phase_sine and modulator.dac_code of phase(26 k - pipeline), one per tick
     reference edges  one division per quarter turn; on the 1 MHz grid if they are re-timed
 
-Source    docs/architecture.md, docs/blocks/references.md, docs/blocks/modulator.md
+Source    docs/architecture.md, fpga_model/references.py, fpga_model/modulator.py
 """
 
 from typing import NamedTuple

@@ -2,7 +2,7 @@
 
     phase(t) = phase(t0) + (t - t0) word  mod 1 turn     exact in integers at any clock near t0
 
-Source    docs/architecture.md, docs/blocks/dds.md
+Source    docs/architecture.md, fpga_model/dds.py
 """
 
 from typing import NamedTuple

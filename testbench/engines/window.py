@@ -4,7 +4,7 @@
                                                    ^ or the watchdog's stale, at ce_8k
 
 `advance_window` walks it tick by tick and leaves what the DACs take from it; `receive` returns what a read has brought.
-Source    docs/architecture.md, docs/blocks/control.md
+Source    docs/architecture.md, fpga_model/control.py
 """
 
 from __future__ import annotations  # a field may bear the name of its module

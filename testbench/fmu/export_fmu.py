@@ -44,13 +44,13 @@ DATE = (1980, 1, 1, 0, 0, 0)  # the same bytes whenever it is written
 def binary_platform(version):
     """(folder of the binary, its suffix) of an FMU on this machine."""
     if platform.system() not in SYSTEMS:
-        raise ConfigError(f"gyro fmu: binaries are made on {' and '.join(SYSTEMS)}, not on {platform.system()}")
+        raise ConfigError(f"gyro fmu: binaries are built only on {' and '.join(SYSTEMS)}, not on {platform.system()}")
     system, suffix = SYSTEMS[platform.system()]
     machine = MACHINES.get(platform.machine().lower(), platform.machine())
     if version == "3.0":
         return f"{machine}-{system}", suffix
     if machine != "x86_64":
-        raise ConfigError(f"gyro fmu: FMI 2.0 has no name for binaries of {machine}; --fmi 3.0 has one")
+        raise ConfigError(f"gyro fmu: FMI 2.0 has no name for binaries of {machine}; use --fmi 3.0")
     return f"{system}64", suffix
 
 
@@ -58,7 +58,7 @@ def compiler():
     """The C compiler, `CC` or cc; ConfigError if it is not installed."""
     name = os.environ.get("CC", "cc")
     if shutil.which(name) is None:
-        raise ConfigError(f"gyro fmu: {name} is not installed; a C compiler is needed, CC names another")
+        raise ConfigError(f"gyro fmu: the C compiler {name} is not installed; install it, or name another in CC")
     return name
 
 

@@ -1,7 +1,7 @@
 """Constants of a plant for its C: resources/plant.bin, in the order of `read_all` in plant.c; what is refused.
 
 Words are little-endian, 64 bits each, integers or doubles.
-Source    docs/fmu.md, docs/parts/top.md
+Source    docs/fmu.md, analog_frontend/top.py
 """
 
 import math
@@ -30,21 +30,25 @@ def check(config):
     usual = default.effects.model_dump()
     for name, value in config.effects.model_dump().items():
         if value != usual[name] and name != acceleration.INFO.name:
-            raise ConfigError(f"effects.{name} = {value}: the FMU of the plant has no effect but acceleration")
+            raise ConfigError(f"effects.{name} = {value}: the FMU of the plant supports no effect except acceleration")
     for name in NONE_OF["plant"]:
         value = getattr(config.plant, name)
         if value:
-            raise ConfigError(f"plant.{name} = {value:g}: the FMU of the plant does not cover it")
+            raise ConfigError(f"plant.{name} = {value:g}: the FMU of the plant supports only 0")
     if config.firmware.board != "analog_sid":
-        raise ConfigError(f'firmware.board = "{config.firmware.board}": the FMU of the plant has the analog SID')
+        raise ConfigError(
+            f'firmware.board = "{config.firmware.board}": the FMU of the plant supports only "analog_sid"'
+        )
     if config.scenario.faults:
-        raise ConfigError("scenario.faults: the FMUs have no faults; the importer can change what goes between them")
+        raise ConfigError(
+            "scenario.faults: the FMUs simulate no faults; change the signals between them in the importer"
+        )
     if config.scenario.host != "bus":
         raise ConfigError(
-            f'scenario.host = "{config.scenario.host}": the FMU of the firmware is written on the bank\'s bus'
+            f'scenario.host = "{config.scenario.host}": the FMU of the firmware writes registers on the "bus" only'
         )
     if config.scenario.plant:
-        raise ConfigError("scenario.plant: a plant from outside is a library already")
+        raise ConfigError("scenario.plant: an external plant is already a library; the FMU needs the built-in plant")
 
 
 def _tilt(config, temp_degc, tick_s):

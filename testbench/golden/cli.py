@@ -23,15 +23,15 @@ app = typer.Typer(
 @app.command()
 def export(
     block: Annotated[str, typer.Argument(help="Block, such as dds, or top, or all.")] = "all",
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder of the bundles.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the bundles.")] = None,
     c: Annotated[
         Path | None,
-        typer.Option("--c", metavar="DIR", help="Folder of the model in C; without --out with the bundles."),
+        typer.Option("--c", metavar="DIR", help="Folder for the model in C; without --out also for the bundles."),
     ] = None,
     config: Annotated[
         Path | None, typer.Option("--config", "-c", metavar="FILE", help="Configuration: its design and parameters.")
     ] = None,
-    frames: Annotated[int, typer.Option(help="With --config: frames of top from power-on.")] = 400,
+    frames: Annotated[int, typer.Option(help="With --config: frames of 125 us of top, from power-on.")] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
     """Write the golden bundles of a block, one folder per case: DIR/BLOCK/CASE; with --c also the firmware in C."""
@@ -83,7 +83,7 @@ def effect(
     ] = None,
     frames: Annotated[int, typer.Option("--frames", help="Frames of 125 us from power-on.")] = 9400,
 ):
-    """Run the loop with an effect of the plant, and write the firmware's vectors of it."""
+    """Run the closed loop with an effect of the plant, and write the vectors of the firmware in it."""
     from testbench.golden.bundles.effect import case, export
 
     folder, manifest = export(name, case(laws or (), sets or (), frames), out)
@@ -95,9 +95,9 @@ def verify(
     folders: Annotated[list[Path], typer.Argument(help="Folders of bundles.")],
     again: Annotated[bool, typer.Option("--recompute", help="Compute every row and file again, and compare.")] = False,
 ):
-    """Check every hash and every name of bundles.
+    """Check the hash and the name of every file of bundles.
 
-    Hashes prove that nothing was changed since the bundle was sealed, not that it is right: for that, --recompute.
+    Hashes prove that nothing was changed since the bundle was sealed. To prove the rows right, use --recompute.
     """
     from testbench.golden.bundles import bundle, recompute
 
@@ -107,26 +107,26 @@ def verify(
             continue
         manifest = bundle.verify(folder)
         bundle.read(folder)
-        typer.echo(f"{folder}  ok  {manifest['n']} rows  hashes agree (--recompute: the rows, too)")
+        typer.echo(f"{folder}  ok  {manifest['n']} rows  hashes agree (--recompute also checks the rows)")
 
 
 @app.command()
 def window(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle of the whole design: DIR/top/CASE.")],
     clock: Annotated[int | None, typer.Option("--clock", help="First clock, counted from row 0.")] = None,
-    count: Annotated[int | None, typer.Option("--count", help="Clocks; a frame if not given.")] = None,
-    frame: Annotated[int | None, typer.Option("--frame", help="The whole frame of this number instead.")] = None,
+    count: Annotated[int | None, typer.Option("--count", help="Number of clocks; default: one frame.")] = None,
+    frame: Annotated[int | None, typer.Option("--frame", help="Number of a whole frame, instead of --clock.")] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; FOLDER_CLOCK if none.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder to write; default: FOLDER_CLOCK.")
     ] = None,
 ):
-    """Write every clock of one place as a bundle of its own: where a signature differs, it finds the register."""
+    """Write every clock of one window as a new bundle, to find the register where a signature differs."""
     from testbench.errors import ConfigError
     from testbench.golden.bundles import bundle
     from testbench.golden.bundles.design_bundle import window as write
 
     if (clock is None) == (frame is None):
-        raise ConfigError("--clock, --frame: one of them is needed, not both")
+        raise ConfigError("--clock, --frame: give one of them, not both")
     frame_clocks = bundle.verify(folder).get("frame_cycles", 0)
     first = frame * frame_clocks if clock is None else clock
     written, manifest = write(folder, first, frame_clocks if count is None else count, out)
@@ -137,24 +137,34 @@ class CheckOptions(NamedTuple):
     """Options of `gyro golden check`; those of `OF_RTL` belong to --rtl."""
 
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")]
-    rtl: Annotated[Path | None, typer.Option("--rtl", metavar="DIR", help="Folder of your design; it is run.")] = None
+    rtl: Annotated[
+        Path | None, typer.Option("--rtl", metavar="DIR", help="Folder of your design, which is simulated.")
+    ] = None
     sim: Annotated[str | None, typer.Option("--sim", help="With --rtl: icarus, verilator or ghdl.")] = None
     level: Annotated[str | None, typer.Option("--level", help="With --rtl: pins, outputs or registers.")] = None
-    files: Annotated[Path | None, typer.Option("--files", metavar="F.f", help="With --rtl: list of its files.")] = None
+    files: Annotated[
+        Path | None, typer.Option("--files", metavar="F.f", help="With --rtl: file that lists its sources.")
+    ] = None
     top: Annotated[str | None, typer.Option("--top", help="With --rtl: your module or entity.")] = None
     latency: Annotated[
-        Path | None, typer.Option("--latency", metavar="TOML", help="With --rtl: ports that come some clocks later.")
+        Path | None,
+        typer.Option("--latency", metavar="TOML", help="With --rtl: file of ports that come some clocks later."),
     ] = None
     timeout_s: Annotated[
-        float, typer.Option("--timeout", metavar="SECONDS", help="With --rtl: when to stop a design that hangs.")
+        float, typer.Option("--timeout", metavar="SECONDS", help="With --rtl: time limit of build and simulation.")
     ] = 120.0
     log: Annotated[Path | None, typer.Option("--log", help="VCD, FST or GHW dump, or CSV, of your design.")] = None
     map: Annotated[
-        Path | None, typer.Option("--map", metavar="TOML", help="Names of your design, or of the signals of its log.")
+        Path | None,
+        typer.Option("--map", metavar="TOML", help="File of names: of your design, or of the signals of its log."),
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of what a difference leaves; one in build/ if none."),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder for waveform, vectors and diagnosis of a difference; default: in build/ of the bundle.",
+        ),
     ] = None
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
 
@@ -165,19 +175,19 @@ OF_RTL = ("sim", "level", "files", "top", "latency")
 @app.command()
 @options.takes(CheckOptions)
 def check(o):
-    """Run your design, or read its log, and compare it with a bundle: the first divergence, and what it looks like."""
+    """Run your design, or read its log, and compare it with a bundle: report first divergence and likely cause."""
     from testbench.errors import ConfigError
     from testbench.golden.bundles import bundle
     from testbench.golden.check import design_run, rtl_run, top_run, waves
 
     if (o.rtl is None) == (o.log is None):
-        raise ConfigError("check: one of --rtl DIR and --log FILE is needed")
+        raise ConfigError("check: give one of --rtl DIR and --log FILE, not both")
     if o.log is not None and o.map is None:
         raise ConfigError("check: --log needs --map TOML")
     rtl_options = {name: getattr(o, name) for name in OF_RTL}
     stray = [name for name, value in rtl_options.items() if value is not None and o.rtl is None]
     if stray:
-        raise ConfigError(f"check: --{stray[0]} belongs to --rtl")
+        raise ConfigError(f"check: --{stray[0]} belongs to --rtl; --log does not use it")
     if o.rtl:
         choice = design_run.Choice(map=o.map, **rtl_options)
         is_top_bundle = bundle.verify(o.folder, strict=False)["block"] == "top"
@@ -192,7 +202,7 @@ def check(o):
     else:
         typer.echo(report.text() + "".join(f"latency           {cost.text()}\n" for cost in costs), nl=False)
         if not report.passed:
-            typer.echo(f"package           {written or f'none: {why}'}")
+            typer.echo(f"package           {written or f'not written: {why}'}")
     raise typer.Exit(0 if report.passed else 1)
 
 
@@ -223,9 +233,13 @@ def _costs(block, case, clocks):
 def signals(
     dump: Annotated[Path, typer.Argument(help="VCD, FST or GHW dump, or CSV, of your design.")],
     folder: Annotated[
-        Path | None, typer.Option("--bundle", metavar="DIR", help="Bundle whose ports get suggestions.")
+        Path | None,
+        typer.Option("--bundle", metavar="DIR", help="Bundle; for each of its ports a signal is suggested."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="TOML", help="Write a map to be corrected.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="TOML", help="File for a map with suggestions, to be corrected by hand."),
+    ] = None,
 ):
     """List the signals of a dump; write a map of them, with suggestions for the ports of a bundle."""
     from testbench.golden.bundles import bundle
@@ -243,15 +257,15 @@ def signals(
 def wrap(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
     map_path: Annotated[
-        Path | None, typer.Option("--map", metavar="TOML", help="Names, widths and reset of your design.")
+        Path | None, typer.Option("--map", metavar="TOML", help="File with names, widths and reset of your design.")
     ] = None,
     level: Annotated[str, typer.Option("--level", help="pins, outputs or registers.")] = "outputs",
     latency: Annotated[
-        Path | None, typer.Option("--latency", metavar="TOML", help="Ports that come some clocks later.")
+        Path | None, typer.Option("--latency", metavar="TOML", help="File of ports that come some clocks later.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="New folder; FOLDER_LEVEL if none.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="New folder; default: FOLDER_LEVEL.")] = None,
 ):
-    """Write a folder in which `make check RTL=... FILES=...` runs a design with names of its own, without Python."""
+    """Write a folder in which `make check RTL=... FILES=...` runs a design with other port names, without Python."""
     from testbench.errors import ConfigError
     from testbench.golden.bundles import adapted_bundle as wrapped
     from testbench.golden.bundles import bundle
@@ -265,9 +279,22 @@ def wrap(
         raise ConfigError("wrap: --map TOML is needed for a block")
     scope = wrapped.write_adapted_bundle(folder, map_path, level, out, latency)
     rows = f"{len(scope.golden.exp)} rows" + (f" from row {scope.first} of the bundle" if scope.first else "")
-    typer.echo(f"{out}  {rows}, {int(scope.care.any(axis=1).sum())} judged at level {level}")
+    typer.echo(f"{out}  {rows}, {int(scope.care.any(axis=1).sum())} compared at level {level}")
     for cost in _costs(scope.golden.manifest["block"], scope.golden.manifest["case"], scope.clocks):
         typer.echo(f"latency  {cost.text()}")
+
+
+@app.command()
+def ports(
+    block: Annotated[str, typer.Argument(help="Block, such as dds, or all.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of tables.")] = False,
+):
+    """List the ports of a block: parameters, inputs, registers and outputs with formats, resets, latencies, rules."""
+    from testbench.console.show import print_reference
+    from testbench.golden.bundles.export import select_blocks
+    from testbench.golden.port_table import port_table
+
+    print_reference([port_table(selected.stem) for selected in select_blocks(block)], as_json)
 
 
 @app.command()
@@ -275,7 +302,7 @@ def ranges(
     block: Annotated[str, typer.Argument(help="Block, such as dds, or all.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
-    """Proven and seen range of every register, headroom, and the widest intermediate result."""
+    """Print the proven and the observed range of every register, the headroom and the widest intermediate result."""
     from testbench.golden.bundles.export import select_blocks
     from testbench.golden.ranges import range_report
 
@@ -292,13 +319,15 @@ def ranges(
 @app.command()
 def mutate(
     folder: Annotated[Path, typer.Argument(help="Folder of a bundle: DIR/BLOCK/CASE.")],
-    rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design that passes it.")],
-    count: Annotated[int, typer.Option("--count", help="Faults to try.")] = 150,
-    seed: Annotated[int, typer.Option("--seed", help="Of the choice of faults.")] = 1,
-    write: Annotated[bool, typer.Option("--write", help="Note the outcome in the bundle's manifest.")] = False,
+    rtl: Annotated[
+        Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design that passes the bundle.")
+    ],
+    count: Annotated[int, typer.Option("--count", help="Number of faults to try.")] = 150,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random choice of faults.")] = 1,
+    write: Annotated[bool, typer.Option("--write", help="Write the score into the bundle's manifest.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
 ):
-    """Mutation score: what share of small faults in a design the vectors see; needs yosys."""
+    """Measure the mutation score: the share of small faults in a design that the vectors detect; needs yosys."""
     from testbench.golden.mutation.mutate import record, score_bundle
 
     outcome = score_bundle(folder, rtl, count, seed)
@@ -316,9 +345,11 @@ def prove(
     block: Annotated[str, typer.Argument(help="Block with properties, such as spi_dac, or all.")],
     rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design.")],
     level: Annotated[str | None, typer.Option("--level", help="pins, outputs or registers.")] = None,
-    files: Annotated[Path | None, typer.Option("--files", metavar="F.f", help="List of its files.")] = None,
+    files: Annotated[Path | None, typer.Option("--files", metavar="F.f", help="File that lists its sources.")] = None,
     top: Annotated[str | None, typer.Option("--top", help="Your module.")] = None,
-    map_path: Annotated[Path | None, typer.Option("--map", metavar="TOML", help="Names of your design.")] = None,
+    map_path: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="File with the names of your design.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of lines.")] = False,
 ):
     """Prove the properties of a block, by induction or PDR: saturation, phase accumulator, SPI framing, sequencing."""
@@ -343,12 +374,14 @@ def prove(
 @app.command()
 def synth(
     rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design of the firmware.")],
-    family: Annotated[str | None, typer.Option(help="ecp5 or ice40; none: latches and undriven nets only.")] = None,
+    family: Annotated[
+        str | None, typer.Option(help="ecp5 or ice40; without it only latches and undriven nets are checked.")
+    ] = None,
     board: Annotated[str, typer.Option(help="analog or digital demodulator.")] = "analog",
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the board's files.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a line.")] = False,
 ):
-    """Synthesise the whole design with yosys: refused with a latch or an undriven net; counts are a proxy."""
+    """Synthesise the whole design with yosys; fail on a latch or an undriven net. Counts of cells are estimates."""
     from testbench.golden.proofs.synthesis import synthesise
 
     netlist = synthesise(rtl, family, board, out)

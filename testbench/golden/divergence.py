@@ -117,7 +117,9 @@ def write_block(folder, bundle_folder, report):
     stim, out = golden.stim[begin:end], folder / "bundle" / block.stem / report.case
     export.write(block, report.case, stim, [("window", 0, len(stim))], None, out)
     if not np.array_equal(bundle.read(out).exp, golden.exp[begin:end]):
-        raise FileError(f"{bundle_folder}: the model computes other rows: gyro golden verify --recompute says which")
+        raise FileError(
+            f"{bundle_folder}: the model computes other rows; list them with gyro golden verify --recompute"
+        )
     first = max(begin, at + 1 - FRAMES * block.record.frame_clocks)
     rows = np.column_stack([golden.stim, golden.exp])[first:end]
     return _write_package(folder, block, rows, report, first, end)

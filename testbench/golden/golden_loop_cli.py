@@ -18,23 +18,31 @@ class LoopOptions(NamedTuple):
     rtl: Annotated[Path, typer.Option("--rtl", metavar="DIR", help="Folder of a Verilog design of the firmware.")]
     config: Annotated[
         Path | None,
-        typer.Option("--config", "-c", metavar="FILE", help="Scenario from power-on; else the story."),
+        typer.Option(
+            "--config", "-c", metavar="FILE", help="Scenario from power-on; default: lock, rate steps, a silent ADC."
+        ),
     ] = None
     seconds: Annotated[float | None, typer.Option(help="Simulated seconds from power-on.")] = None
     sets: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Key of the configuration.")] = (
         None
     )
-    build: Annotated[Path | None, typer.Option("--build", metavar="DIR", help="Folder that keeps the library.")] = None
+    build: Annotated[
+        Path | None,
+        typer.Option("--build", metavar="DIR", help="Folder for the compiled design; default: a temporary one."),
+    ] = None
     top: Annotated[
-        str | None, typer.Option("--top", metavar="NAME", help="Your top, with the pins of the board alone.")
+        str | None, typer.Option("--top", metavar="NAME", help="Your top module, if it has only the pins of the board.")
     ] = None
-    files: Annotated[Path | None, typer.Option("--files", metavar="F", help="List of its files.")] = None
+    files: Annotated[Path | None, typer.Option("--files", metavar="F", help="File that lists its sources.")] = None
     map_path: Annotated[
-        Path | None, typer.Option("--map", metavar="TOML", help="Names of its ports, and of its top.")
+        Path | None, typer.Option("--map", metavar="TOML", help="File with the names of its ports and of its top.")
     ] = None
-    exact: Annotated[bool, typer.Option("--exact", help="A design that differs at a pin fails.")] = False
+    exact: Annotated[bool, typer.Option("--exact", help="Fail at any difference at a pin; measure no behaviour.")] = (
+        False
+    )
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder of waveform and bundle of a difference.")
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the waveform and the bundle of a difference."),
     ] = None
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
 
@@ -43,7 +51,7 @@ class LoopOptions(NamedTuple):
 def loop(o):
     """Close the loop of plant and RTL, and compare every register with the model at every edge of 26 MHz.
 
-    With --top or --map the pins alone are compared, and a design that differs is judged as a board is.
+    With --top or --map only the pins are compared. A design that differs is then measured at its pins, as a board is.
     """
     from testbench.config import changed
     from testbench.console.progress import Progress

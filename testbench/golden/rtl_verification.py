@@ -142,7 +142,7 @@ def scores(rtl, out, options):
             else _score_block(stem, rtl, out, options.count)
         )
         took = cpu_s() - began
-        echo("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of a processor")
+        echo("  " + outcome.text().replace("\n", "\n  ") + f"; {took:.1f} s of CPU time")
         entries[stem] = measured.entry(outcome, vectors, measured.design(files), took)
         write_text(out / measured.MUTATION, json.dumps([entries[s] for s in stems if s in entries], indent=1) + "\n")
         all_passed &= outcome.passed
@@ -157,13 +157,13 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog="python -m testbench.golden.rtl_verification", description=__doc__.split("\n")[0]
     )
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}; all if none")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}; default: all")
     parser.add_argument("--rtl", type=Path, default=synthesis.RTL, help="folder of the design")
-    parser.add_argument("--out", type=Path, default=Path("out/golden"), help="folder of the bundles")
-    parser.add_argument("--seconds", type=float, default=loop.SECONDS, help="length of the loop")
+    parser.add_argument("--out", type=Path, default=Path("out/golden"), help="folder for the bundles")
+    parser.add_argument("--seconds", type=float, default=loop.SECONDS, help="simulated seconds of the loop")
     parser.add_argument("--count", type=int, default=COUNT, help="mutants of each block")
     parser.add_argument(
-        "--only", nargs="+", default=[], metavar="BLOCK", help="mutation: these alone, the rest is kept"
+        "--only", nargs="+", default=[], metavar="BLOCK", help="mutation: score only these; keep the other scores"
     )
     options = parser.parse_args(arguments)
     rtl, out = options.rtl.resolve(), options.out.resolve()

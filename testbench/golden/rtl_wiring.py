@@ -164,7 +164,7 @@ class Design:
         instance_match = self.pattern(role).search(self.text)
         if not instance_match:
             stem = _stem(self.trace.instances[role][0])
-            raise FileError(f"{self.path}: no instance {role}; write `gyro_{stem} {role} ();` where it shall stand")
+            raise FileError(f"{self.path}: no instance {role}; write `gyro_{stem} {role} ();` where it belongs")
         return instance_match[0]
 
     def net(self, leaf, fmt):

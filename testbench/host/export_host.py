@@ -7,7 +7,7 @@
     gyro_loop.h, access.h, host.c    what a host in C calls, how it reads registers, and one
     map/                     the register map, with the driver
 
-Source  docs/blocks/host.md
+Source  docs/host_port.md
 """
 
 import shutil
@@ -43,7 +43,7 @@ def locked_simulation(config):
     sim = Simulation(config, temp_degc, temp_degc, engine="frame")
     sim.keep_rows = sim.keep_codes = False
     if simulate.start(config, sim, rate_rad_s, temp_degc) is None:
-        raise ConfigError("gyro host: this gyroscope does not lock")
+        raise ConfigError("gyro host: the gyroscope of this configuration does not lock")
     sim.advance(-sim.tick % FRAME_TICKS, rate_rad_s, temp_degc)
     return sim, rate_rad_s
 

@@ -102,7 +102,7 @@ def _mean_parts(number, model, rows):
     room = printed.case_mean_row(rows, symbol, ROOM_DEGC)
     if temp != ROOM_DEGC and room and room.sigma is not None:
         paper, sigma = number.values[0] - room.values[0], math.hypot(number.sigma, room.sigma)
-        parts.append(Part("less that at 25 degC", paper, sigma, _less(model_mean, _mean(model, symbol, ROOM_DEGC)[0])))
+        parts.append(Part("minus that at 25 degC", paper, sigma, _less(model_mean, _mean(model, symbol, ROOM_DEGC)[0])))
     between = printed.std(number)
     if between is not None:
         # the spread of n draws is known to 1 / sqrt(2 (n - 1)) of itself
@@ -114,12 +114,12 @@ def _mean_parts(number, model, rows):
 
 def _phase_parts(number, model, rows):
     node = number.symbol.removeprefix("phi_")
-    return [Part(f"{node}, node phase", number.values[0], number.sigma, model.node_deg.get(node))]
+    return [Part(f"node phase of {node}", number.values[0], number.sigma, model.node_deg.get(node))]
 
 
 def _residual_parts(number, model, rows):
     node = number.symbol.removeprefix("phi_")
-    return [Part(f"{node} left", number.values[0], number.sigma, model.residual_deg.get(node))]
+    return [Part(f"{node} after compensation", number.values[0], number.sigma, model.residual_deg.get(node))]
 
 
 def _bandwidth_parts(number, model, rows):
@@ -167,7 +167,7 @@ def _ratio_parts(number, model, rows):
         for temp in TEMPERATURES:
             large, small = (relative_change(model, symbol, pair, temp) for pair in (("3", "4"), ("4", "5")))
             more = small and Value(limit * small.value, limit * small.sigma)
-            parts.append(Part(f"{symbol}, {temp:g} degC, change 3-4 less {limit:g} times 4-5", 0.0, None,
+            parts.append(Part(f"{symbol}, {temp:g} degC, change 3-4 minus {limit:g} times 4-5", 0.0, None,
                               _less(large, more), number.bound))  # fmt: skip
     return parts
 
@@ -178,7 +178,7 @@ def _loop_parts(number, model, rows):
 
 
 def _rise_parts(number, model, rows):
-    return [Part(f"{node}, 50 less -20 degC", 0.0, None, model.rise_deg.get(node), number.bound)
+    return [Part(f"{node}, 50 minus -20 degC", 0.0, None, model.rise_deg.get(node), number.bound)
             for node in ("xe1", "xe2", "ye1", "ye2")]  # fmt: skip
 
 
@@ -186,7 +186,7 @@ def _fall_parts(number, model, rows):
     parts = []
     for pair in (("1", "2"), ("2", "3")):
         before, after = (_value(model, case, ROOM_DEGC, "Ad") for case in pair)
-        parts.append(Part(f"A_d (V), case {pair[1]} less {pair[0]}", 0.0, None, _less(after, before), number.bound))
+        parts.append(Part(f"A_d (V), case {pair[1]} minus {pair[0]}", 0.0, None, _less(after, before), number.bound))
     return parts
 
 

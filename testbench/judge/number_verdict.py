@@ -70,9 +70,9 @@ def _text(part):
     paper = {"<": "below ", ">": "above "}.get(part.bound, "") + _value_sigma_text(part.paper, part.sigma)
     far = f"{part.pull:+.1f} sigma" if abs(part.pull) < MOST_SIGMA else f"beyond {MOST_SIGMA:g} sigma"
     if not part.sigma and not part.model.sigma:
-        far = "not kept" if part.pull else "equal"
-    outcome_text = "kept" if part.bound and not part.pull else far
-    return f"{part.what}: {_value_sigma_text(*part.model)}, the paper {paper}: {outcome_text}"
+        far = "different" if part.pull else "equal"
+    outcome_text = "within the bound" if part.bound and not part.pull else far
+    return f"{part.what}: model {_value_sigma_text(*part.model)}, paper {paper}: {outcome_text}"
 
 
 def verdict(role, parts, absent=NOT_COMPUTED):
@@ -86,7 +86,10 @@ def verdict(role, parts, absent=NOT_COMPUTED):
         return NOT_COMPARABLE, absent
     most = worst(parts)
     if most and abs(most.pull) > K:
-        return CONTRADICTED, _text(most) + {"fitted": "; although fitted", "input": "; set otherwise"}.get(role, "")
+        return CONTRADICTED, _text(most) + {
+            "fitted": ", although fitted to the paper",
+            "input": ", set to another value",
+        }.get(role, "")
     missing = [p.what for p in parts if p.model is None]
     if missing or not parts:
         return NOT_COMPARABLE, f"{absent}: {', '.join(missing[:4])}" if missing else absent

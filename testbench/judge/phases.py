@@ -21,6 +21,9 @@ def sentences(verdict_by_node):
     """Sentences for `verdicts`: one to a phase, and one on the fitted values behind them."""
     keys = dict.fromkeys(key for node in NODES for key in verdict_by_node[node]["rests_on"])
     return [
-        *(f"Beside the paper, {verdict_by_node[n]['verdict']}: {verdict_by_node[n]['basis']}." for n in NODES),
-        f"These four rest on the fitted values {', '.join(keys)}.",
+        *(
+            f"Compared with the paper, {n} is {verdict_by_node[n]['verdict']}: {verdict_by_node[n]['basis']}."
+            for n in NODES
+        ),
+        f"These four verdicts depend on the fitted values {', '.join(keys)}.",
     ]

@@ -43,11 +43,11 @@ DRIVE = (*_keys("plant", "k_vf_drive_n_per_v"), *XE1, *XE2, *SWITCH)
 
 NODE = "node phase: pin to force, or motion to C/V output; the text does not say at which node it was read"
 NODE_XE2 = (
-    f"{NODE}; the least A_d finds it through the demodulator, whose switch would take 0.32 deg off the model's, and "
-    "1e-5 of A_d is 0.26 deg: the printed fluctuation is stability, no accuracy"
+    f"{NODE}; it was found by the least A_d through the demodulator, whose switch would lower the model's value by "
+    "0.32 deg; 1e-5 of A_d is 0.26 deg, so the printed fluctuation is stability, not accuracy"
 )
-UNDEFINED = "the text does not print its definition; here that of IEEE Std 1431"
-INSTRUMENT = "what a calibration leaves depends on the bench's instruments, which the text does not describe"
+UNDEFINED = "the text does not print its definition; the definition of IEEE Std 1431 is used"
+INSTRUMENT = "the residual of a calibration depends on the instruments of the bench, which the text does not describe"
 
 
 class Rule(NamedTuple):
@@ -110,7 +110,7 @@ RULES = (
     Rule("Omega_z", "simulation setting", "setting", "input"),
     Rule("phi_ye1", "simulation setting", "setting", "input"),
     Rule("phi_ye2", "simulation setting", "setting", "input"),
-    Rule("Aq/AI", "calibration", "absent", "none", (), "the procedure here needs no such ratio"),
+    Rule("Aq/AI", "calibration", "absent", "none", (), "the procedure of this model needs no such ratio"),
     Rule("Table", "missing", "absent", "none", (), "not available"),
     Rule("Figures", "missing", "absent", "none", (), "not available"),
 )

@@ -58,10 +58,10 @@ def _residual_json(residual):
 @app.command()
 def check(
     file: RecordPath,
-    replay: Annotated[bool, typer.Option(help="Replay the firmware on the recorded codes, too (R16).")] = True,
+    replay: Annotated[bool, typer.Option(help="Also replay the firmware on the recorded codes (R16).")] = True,
     as_json: Json = False,
 ):
-    """Check a record by rules R01 to R33, a recording of a part by its data quality: one line per finding.
+    """Check a record by rules R01 to R33, or a recording of a part for data quality: one line per finding.
 
     Exit code 2 if it is refused."""
     from testbench.measured.openers import part_findings
@@ -114,18 +114,18 @@ def _check_part(file, findings, as_json):
 
 @app.command()
 def record(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Conditions, repeats, roles.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file.")],
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Plan of conditions, repeats and roles.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file to write.")],
     envelope: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Where what the record hides is written, as JSON.")
+        Path | None, typer.Option(metavar="FILE", help="JSON file for the true values, which the record omits.")
     ] = None,
     plant: Annotated[
-        Path | None, typer.Option(metavar="LIB", help="Shared library that is the plant instead of the own one.")
+        Path | None, typer.Option(metavar="LIB", help="Shared library that replaces the built-in plant.")
     ] = None,
-    plant_file: Annotated[Path | None, typer.Option(metavar="FILE", help="Text for this library alone.")] = None,
+    plant_file: Annotated[Path | None, typer.Option(metavar="FILE", help="Text file that this library reads.")] = None,
     as_json: Json = False,
 ):
-    """Write a measurement record of the simulated board, or of a plant behind the port."""
+    """Write a measurement record of the simulated board, or of a foreign plant in a shared library."""
     import json
 
     from testbench.measured.record import produce, schema
@@ -151,19 +151,19 @@ def record(
         return
     typer.echo(f"{out}  {frames} frames  {segments} segments  {digest[:16]}")
     if new_record.attrs.get("plant_unseen"):
-        typer.echo(f"not seen by the plant: {new_record.attrs['plant_unseen']}")
+        typer.echo(f"not passed to the plant: {new_record.attrs['plant_unseen']}")
 
 
 @app.command("import")
 def import_(
     files: Annotated[
-        list[Path], typer.Argument(metavar="DATA...", help="CSV, Parquet, .npz or .mat, a power-on each.")
+        list[Path], typer.Argument(metavar="DATA...", help="CSV, Parquet, .npz or .mat, one file per power-on.")
     ],
-    columns: Annotated[Path, typer.Option("--map", metavar="F.toml", help="What the columns are.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file.")],
+    columns: Annotated[Path, typer.Option("--map", metavar="F.toml", help="Map that says what each column is.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file to write.")],
     as_json: Json = False,
 ):
-    """Make a measurement record of files of a laboratory; prints what was found and assumed."""
+    """Make a measurement record from laboratory files; prints what was found and assumed."""
     from testbench.measured.importing import assemble
     from testbench.measured.record import checks
     from testbench.storage.record import RecordError, write_record
@@ -183,8 +183,8 @@ def import_(
 
 
 @app.command()
-def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="FOLDER", help="New folder.")]):
-    """Write a record as tables for other programs: Parquet, a file per rate, and CSV, a file per slow log."""
+def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="FOLDER", help="New folder to write.")]):
+    """Write a record as tables for other programs: a Parquet file per sample rate, a CSV file per slow log."""
     from testbench.measured.record import load_record, record_tables
 
     record_tables.write(out, load_record.load(file, replay=False).record)
@@ -194,14 +194,16 @@ def convert(file: RecordPath, out: Annotated[Path, typer.Argument(metavar="FOLDE
 @app.command()
 def residuals(
     file: RecordPath,
-    kind: Annotated[str, typer.Option(help="R1: plant driven by the recorded words; R2: closed loop, free.")] = "R2",
+    kind: Annotated[
+        str, typer.Option(help="R1: plant driven by the recorded words; R2: simulated closed loop.")
+    ] = "R2",
     sets: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="One value of the model, such as plant.qx=190000."),
+        typer.Option("--set", metavar="KEY=VALUE", help="Change one value of the model, such as plant.qx=190000."),
     ] = None,
     as_json: Json = False,
 ):
-    """Say what the model leaves unexplained, per condition and observable, in units of the repeats' noise."""
+    """Compare recorded and simulated data per condition and observable, with the noise of the repeats."""
     from testbench import config
     from testbench.console.text_table import Table
     from testbench.measured.importing import firmware_words
@@ -209,7 +211,7 @@ def residuals(
     from testbench.measured.residual import residuals as residual
 
     if kind not in ("R1", "R2"):
-        raise ConfigError(f"--kind {kind}: is neither R1 nor R2")
+        raise ConfigError(f"--kind {kind}: expected R1 or R2")
     with _progress(as_json) as progress:
         record = firmware_words.complete_record(load_record.load(file, replay=False).record)[0]
         model = check_tables.stated_config(record)
@@ -233,16 +235,16 @@ def residuals(
     note = f"noise from {noise} between repeats; {study.engine} engine"
     from testbench.console.show import print_tables
 
-    print_tables([Table(f"{kind}: recorded less predicted", heads, rows, numeric=(4, 5, 6), note=note)])
+    print_tables([Table(f"{kind}: recorded minus predicted", heads, rows, numeric=(4, 5, 6), note=note)])
 
 
 @app.command()
 def calibrate(
     file: RecordPath,
-    starts: Annotated[int, typer.Option(min=1, help="Starts; they must agree.")] = 2,
+    starts: Annotated[int, typer.Option(min=1, help="Number of starting points; their fits must agree.")] = 2,
     as_json: Json = False,
 ):
-    """Fit what the record's priors name, by the plant's open-loop residual, and certify that it has converged."""
+    """Fit the parameters of the record's priors to the open-loop residual of the plant, and check convergence."""
     from testbench.console.show import print_tables
     from testbench.console.text_table import Table
     from testbench.measured.importing import firmware_words
@@ -302,32 +304,39 @@ def calibrate(
     print_tables(tables)
     typer.echo(
         ("converged" if calibration_result.is_converged else "NOT converged")
-        + f": a further step promises {calibration_result.decrement:.2g}"
+        + f": a further step would lower the cost by {calibration_result.decrement:.2g}"
     )
-    typer.echo(f"costs of the starts: {', '.join(f'{cost:.4g}' for cost in calibration_result.costs)}")
+    typer.echo(f"cost of the fit from each start: {', '.join(f'{cost:.4g}' for cost in calibration_result.costs)}")
     for direction in calibration_result.directions:
-        information_source = "the prior alone" if direction.eigenvalue < calibration.UNSEEN else "the data"
-        typer.echo(f"{information_source} fix {direction.words}  ({direction.eigenvalue:.2g} in units of the prior)")
+        information_source = "only the prior" if direction.eigenvalue < calibration.UNSEEN else "the data"
+        text = f"determined by {information_source}: {direction.words}"
+        typer.echo(f"{text}  (information of the data {direction.eigenvalue:.2g} times that of the prior)")
 
 
 class TraceOptions(NamedTuple):
     """Arguments and options of `gyro measured trace`."""
 
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="A record, or recordings of one part.")]
-    report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="Page to write.")] = None
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="OUT.json", help="Result to write.")] = None
+    report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="HTML page to write.")] = None
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="OUT.json", help="JSON result to write.")] = None
     checkpoint: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where finished work is kept; a killed trace goes on from it.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for finished work; an interrupted trace continues from it."),
     ] = None
     alpha: Annotated[
-        float | None, typer.Option(min=1e-4, max=0.2, help="Chance of a false alarm; 0.002, of a part 0.02.")
+        float | None,
+        typer.Option(min=1e-4, max=0.2, help="Probability of a false alarm; default 0.002, for a part 0.02."),
     ] = None
-    looks: Annotated[int, typer.Option(min=1, help="How many traces like this one are made; widens every p.")] = 1
-    seed: Annotated[int, typer.Option(min=0, help="Of null draws and bootstraps.")] = 0
-    most: Annotated[int | None, typer.Option("--max-laws", min=1, max=6, help="Laws in one explanation.")] = None
-    option: Annotated[list[str] | None, typer.Option("--option", metavar="KEY=VALUE", help="For the opener.")] = None
+    looks: Annotated[int, typer.Option(min=1, help="Number of traces like this one; every p is corrected for it.")] = 1
+    seed: Annotated[int, typer.Option(min=0, help="Seed of null draws and bootstraps.")] = 0
+    most: Annotated[
+        int | None, typer.Option("--max-laws", min=1, max=6, help="Largest number of laws in one explanation.")
+    ] = None
+    option: Annotated[
+        list[str] | None, typer.Option("--option", metavar="KEY=VALUE", help="Option for reading the files.")
+    ] = None
     priors: Annotated[
-        str | None, typer.Option(metavar="sheet|FILE", help="Tolerances of what the record's priors leave out.")
+        str | None, typer.Option(metavar="sheet|FILE", help="Tolerances of parameters without a prior in the record.")
     ] = None
 
 
@@ -337,7 +346,7 @@ def _pairs(option):
     for text in option or ():
         key, equals, value = text.partition("=")
         if not key or not equals:
-            raise ConfigError(f"--option {text}: is not KEY=VALUE")
+            raise ConfigError(f"--option {text}: expected KEY=VALUE")
         out[key] = value
     return out
 
@@ -345,7 +354,7 @@ def _pairs(option):
 @app.command()
 @takes(TraceOptions)
 def trace(o):
-    """Trace what the model cannot explain to an effect, and say how the error on held-out data changes."""
+    """Find the effect that explains the residual of the model, and report the error on held-out data."""
     from testbench.measured import trace_recording
     from testbench.measured.closed_loop import loop_trace
     from testbench.measured.exam import exam, part_page
@@ -412,14 +421,14 @@ def _print_trace(trace_data):
     ]
     heads = ("held out", "unit", "noise rms", "before", "after one law", "after")
     if rows:
-        tables.append(Table("Error on data that no fit has seen", heads, rows, numeric=(2, 3, 4, 5)))
+        tables.append(Table("Error on held-out data", heads, rows, numeric=(2, 3, 4, 5)))
     if tables:
         print_tables(tables)
     for cause in trace_data.get("causes", ())[1:]:
         sizes = ", ".join(f"{e['law']} {e['value']:.3g} {e['unit']}" for e in cause["effects"])
-        typer.echo(f"as well: {sizes} (chi2 {cause['chi2']:+.1f})")
+        typer.echo(f"alternative: {sizes} (chi2 {cause['chi2']:+.1f})")
     for row in trace_data.get("unphysical", ()):
-        typer.echo(f"against physics: {row['why']} (chi2 {row['chi2']:.4g})")
+        typer.echo(f"physically impossible: {row['why']} (chi2 {row['chi2']:.4g})")
     for row in trace_data.get("next_experiment", ())[: trace_data["verdict"] != "named"]:
         typer.echo(f"next experiment: {row['words']}")
         if row["text"]:

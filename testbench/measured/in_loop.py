@@ -8,7 +8,7 @@
                where the loop does not lock with it, a tenth, a hundredth .. of it
     control    springs too weak to matter: what two runs differ by of themselves, as codes flip; the largest counts
     not run    what belongs to an instrument or a preparation and has no counterpart on the board: listed
-Source    docs/measured_parts.md
+Source    docs/measured_results.md
 """
 
 import html
@@ -219,7 +219,7 @@ def _run_until_lock(case):
             port, _, expression = text.partition(" = ")
             coefficient, _, product = expression.partition(" ")
             laws.append(f"{port} = {float(coefficient) * 0.1**k!r} {product}")
-        words = f"{case.words}. With it the loop does not lock; the run has 1/{10**k} of it"
+        words = f"{case.words}. With it the loop does not lock; the run uses 1/{10**k} of it"
         weaker = case._replace(name=f"{case.name}, 1/{10**k} of it", words=words, settings={"laws": laws})
         one = run_case(weaker)
     return one, weaker
@@ -264,23 +264,25 @@ def closed_loop_section(sets):
         large = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > SIGNIFICANCE_FACTOR * c]
         sentence = (
             f"{case.words}. Scale factor {texts[0]} ppm, bias {texts[1]} deg/h, noise of the rate word at rest "
-            f"{texts[2]} %, against the same run without it (bias {base.bias_dps:.4g} deg/s, "
-            f"{base.rms_dps:.3g} deg/s rms). Above {SIGNIFICANCE_FACTOR:g} times the controls: "
+            f"{texts[2]} %, compared with the same run without it (bias {base.bias_dps:.4g} deg/s, "
+            f"{base.rms_dps:.3g} deg/s rms). Larger than {SIGNIFICANCE_FACTOR:g} times the controls: "
             f"{', '.join(large) or 'nothing'}."
         )
         words.append(
             f"<h3>{html.escape(case.name)}</h3><p>{html.escape(sentence)}</p><figure>{part_page.png(figure)}<figcaption>"
-            "Rate of the run with the effect less that without, same noise; steps show scale factor, the first second "
-            "bias.</figcaption></figure>"
+            "Rate with the effect minus rate without it, same noise. The steps show the scale factor, the first second "
+            "shows the bias.</figcaption></figure>"
         )
     head = ("effect", "scale factor (ppm)", "bias (deg/h)", "noise at rest (%)")
     omitted_effects, more = not_run(sets), ""
     if omitted_effects:
-        more = "<p>Named effects without a counterpart in the board's plant, not run:</p>" + part_page.table(
-            ("set", "job", "law", "port", "kind"), omitted_effects
+        more = (
+            "<p>Named effects without a counterpart in the plant of the board; they were not run:</p>"
+            + part_page.table(("set", "job", "law", "port", "kind"), omitted_effects)
         )
     intro = (
         "<h2>The same effects in the closed loop</h2><p>Pairs of runs of the gyroscope, with and without the effect, "
-        "the same noise sample by sample. The first rows are controls: what is not larger is no effect.</p>"
+        "the same noise sample by sample. The first rows are controls; a change that is not larger than theirs is not an "
+        "effect.</p>"
     )
     return intro + part_page.table(head, rows, (1, 2, 3)) + "".join(words) + more, data

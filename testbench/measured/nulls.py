@@ -2,7 +2,7 @@
 
     recording   the calibrated model of the file, without laws, and a draw of the file's own noise
     python -m testbench.measured.nulls FILE... [--count 100] [--seed 0] [--option KEY=VALUE]
-Source    docs/measured_parts.md
+Source    docs/measured_results.md
 """
 
 import argparse
@@ -29,7 +29,7 @@ def nulls(problem, count, seed=0, true_laws=(), say=None):
     now = absorb(problem, list(true_laws))
     tracer = Tracer(now, Options(n_null=199, max_laws=1, power=False, experiments=False), None, None)
     if not tracer.calibrate():
-        raise RuntimeError("the file's own calibration failed")
+        raise RuntimeError("the calibration of the file failed")
     theta = tracer.base.fit.point.theta
     clean = now.predict([(theta, {})], list(range(len(now.segments))))[0]
     out = []

@@ -71,4 +71,4 @@ def open_problem(paths, options):
             problem = opener(paths, options)
             if problem is not None:
                 return problem
-    raise FileError(f"{paths[0]}: content of no known kind. Nearest is {readers.describe_unreadable_file(paths[0])}")
+    raise FileError(f"{paths[0]}: unknown kind of content; nearest is {readers.describe_unreadable_file(paths[0])}")

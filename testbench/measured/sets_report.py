@@ -6,7 +6,7 @@
 JSON      {set: {verdict, sentence, effects, heldout, jobs: [...]}}; effects of all jobs, each with its `job`; held-out
           parts carry the label of their job in front where there are several; verdict and sentence are those of the
           least settled job, in the order of UNSETTLED; `closed_loop`: what the effects do there, and a control run
-Source    docs/measured_parts.md
+Source    docs/measured_results.md
 """
 
 import argparse
@@ -124,9 +124,9 @@ def residual_sentence(data, part):
             words += f"{r['tenth_to']:.4g}"
             if r["drift"] is not None:
                 drifts = "drifts" if r["drift_p"] < 0.01 else "does not drift"
-                words += f"; in the order of recording {r['drift']:.2f} (p {r['drift_p']:.2g}): it {drifts}"
+                words += f"; correlation in the order of recording {r['drift']:.2f} (p {r['drift_p']:.2g}): it {drifts}"
             if r["shared"] is not None:
-                words += f"; correlation with the rest where it was fitted {r['shared']:.2f}"
+                words += f"; correlation with the residual of the fitted segments {r['shared']:.2f}"
             return words
     return data["sentence"]
 
@@ -134,9 +134,9 @@ def residual_sentence(data, part):
 def page(out, reports_by_set, failures, loop=""):
     """The page of `make measured`."""
     words = [
-        "<p>Recordings that others made of single parts, against the parts of this model. An effect is chosen on some "
-        "samples, sessions or files and judged on the others; the floor is the recording's own repeatability.</p>",
-        "<h2>Error before and after, on data that no fit has seen</h2>",
+        "<p>Published recordings of single parts, compared with the parts of this model. An effect is chosen on some "
+        "samples, sessions or files and tested on the others. The floor is the repeatability of the recording.</p>",
+        "<h2>Error on held-out data, before and after</h2>",
         overview(out),
     ]
     if failures:
@@ -152,9 +152,7 @@ def page(out, reports_by_set, failures, loop=""):
     if unexplained_rows:
         words += [
             "<h2>Not explained: held-out error above 1.5 floors</h2>",
-            part_page.table(
-                ("set", "job", "held out", "after / floor", "what the rest is like"), unexplained_rows, (3,)
-            ),
+            part_page.table(("set", "job", "held out", "after / floor", "remaining residual"), unexplained_rows, (3,)),
         ]
     for name, rows in reports_by_set.items():
         words.append(f"<h2>{html.escape(name)}</h2>")
@@ -169,9 +167,9 @@ def main(arguments=None):
         prog="python -m testbench.measured.sets_report", description=__doc__.split("\n")[0]
     )
     parser.add_argument("--data", default=os.environ.get("GYRO_DATA_DIR", ""), help="folder of the sets")
-    parser.add_argument("--out", type=Path, default=Path("build"), help="where measured.html and measured.json go")
-    parser.add_argument("--only", nargs="*", help="names of sets")
-    parser.add_argument("--no-loop", action="store_true", help="without the runs of the closed loop")
+    parser.add_argument("--out", type=Path, default=Path("build"), help="folder for measured.html and measured.json")
+    parser.add_argument("--only", nargs="*", help="names of the sets to trace")
+    parser.add_argument("--no-loop", action="store_true", help="skip the runs of the closed loop")
     options = parser.parse_args(arguments)
     try:
         if options.data:

@@ -2,7 +2,7 @@
 
     trace_table     files of a kind that is no problem of the core, such as a table of numbers
     trace_problem   segments that set themselves up: `exam.report`; many small laws: `part_page.run`
-Source    docs/measured_parts.md
+Source    docs/measured_results.md
 """
 
 import json

@@ -10,7 +10,7 @@ import typer
 
 from testbench.console.options import ConfigFile, Json, Sets, load, overrides, takes
 from testbench.console.progress import Progress
-from testbench.console.show import print_json, print_list, print_tables
+from testbench.console.show import print_json, print_list, print_reference, print_tables
 
 reports = typer.Typer(
     name="report", no_args_is_help=True, pretty_exceptions_enable=False, help="Pages about many runs."
@@ -126,6 +126,18 @@ def paper(o):
         return
     print_list("", [f"{k}: {v} numbers" for k, v in verdicts.items()])
     print_list("Written:", [str(path)])
+
+
+@reports.command()
+def numbers(as_json: Json = False):
+    """Each number that the paper prints, beside what the default board gives without a simulation."""
+    from testbench.judge import judge
+    from testbench.paper import closed_form, judge_table
+
+    rows = judge.rows(closed_form.rounded_default())
+    print_reference(judge_table.tables(rows), as_json)
+    if not as_json:
+        print_list("", [judge_table.sentence(rows)])
 
 
 def add(app):

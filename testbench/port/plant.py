@@ -60,11 +60,15 @@ def _check_supported(config, engine):
     """ConfigError for what a plant behind the port cannot do."""
     s = config.scenario
     if engine == "baseband":
-        raise ConfigError('scenario.plant: scenario.engine = "baseband" averages the own plant; use frame or clocked')
+        raise ConfigError(
+            'scenario.plant: scenario.engine = "baseband" averages the built-in plant; use frame or clocked'
+        )
     if config.firmware.board != "analog_sid":
-        raise ConfigError('scenario.plant: needs firmware.board = "analog_sid": the port hands over words of the ADC')
+        raise ConfigError('scenario.plant: needs firmware.board = "analog_sid": the port transfers codes of the ADC')
     if any(fault[1] == "plant_nan" for fault in s.faults):
-        raise ConfigError("scenario.plant: scenario.faults plant_nan needs the own plant; the port has no such pin")
+        raise ConfigError(
+            "scenario.plant: scenario.faults plant_nan needs the built-in plant; the port has no such fault"
+        )
 
 
 class Plant:
@@ -79,7 +83,7 @@ class Plant:
         for key in self.unseen:
             if key.startswith("effects."):
                 raise ConfigError(
-                    f"{s.plant}: does not read {key} = {short_toml(self.unseen[key])}: no run can claim it"
+                    f"{s.plant}: does not read {key} = {short_toml(self.unseen[key])}; remove this effect"
                 )
         self.identity = {"plant": plant_library.sha256}
         if s.plant_file:
@@ -117,7 +121,7 @@ class Plant:
             foreign.RETURNED: lambda: f"gyro_plant_step: {self._instance.line(value)}",
             foreign.CODE: lambda: f"code of adc_{CHANNELS[which]} is {value}, outside {adc.CODE_LO} .. {adc.CODE_HI}",
             foreign.PROMISE: lambda: (
-                f"drdy is {value} clocks, expected {which} as promised before"
+                f"drdy is {value} clocks, expected {which} as announced before"
                 if which >= 0
                 else f"drdy is {value} clocks, expected 0 or more"
             ),
@@ -131,12 +135,12 @@ class Plant:
     def notes(self):
         """Sentences on what runs here, and on what it does not see."""
         plant_library = self._instance.library
-        yield f"The plant is {plant_library.path} (sha256 {plant_library.sha256[:16]}), not the product's own."
+        yield f"The plant is {plant_library.path} (sha256 {plant_library.sha256[:16]}), not the built-in plant."
         if self.unseen:
             unread_text = ", ".join(f"{key} = {short_toml(value)}" for key, value in self.unseen.items())
-            yield f"Not seen by this plant, which does not read them: {unread_text}."
+            yield f"This plant does not read, and so does not simulate: {unread_text}."
         if not self.saves:
-            yield "No checkpoint and no state are written: the library exports no gyro_plant_save."
+            yield "No checkpoint and no state are written, because the library exports no gyro_plant_save."
 
     @property
     def saves(self):

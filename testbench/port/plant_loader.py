@@ -76,18 +76,20 @@ def _load_native(path, data):
             loaded = ctypes.CDLL(str(copy))
         except OSError as problem:
             reason = str(problem).replace(f"{copy}: ", "")
-            raise FileError(f"{path}: is no shared library that can be loaded: {reason}") from None
+            raise FileError(f"{path}: cannot be loaded as a shared library: {reason}") from None
     functions = {}
     for name, (result, *arguments) in (FUNCTIONS | OPTIONAL).items():
         try:
             functions[name] = getattr(loaded, f"gyro_plant_{name}")
         except AttributeError:
             if name in FUNCTIONS:
-                raise FileError(f"{path}: exports no gyro_plant_{name}; gyro_plant.h says what it must") from None
+                raise FileError(f"{path}: exports no gyro_plant_{name}; gyro_plant.h lists what is needed") from None
             continue
         functions[name].restype, functions[name].argtypes = result, arguments
         if name == "abi" and (abi := functions[name]()) != foreign.ABI:
-            raise FileError(f"{path}: gyro_plant_abi is {abi}, expected {foreign.ABI}: compile it with this header")
+            raise FileError(
+                f"{path}: gyro_plant_abi is {abi}, expected {foreign.ABI}: compile it with the current header"
+            )
     if OPTIONAL.keys() & functions and (missing := OPTIONAL.keys() - functions):
         raise FileError(f"{path}: exports no gyro_plant_{min(missing)}; state_size, save and load belong together")
     return frozenset(_text(functions["keys"]()).split()), functions
@@ -106,7 +108,7 @@ def _load_python(path, data):
     calls = {}
     for name in ("reset", "step"):
         if not isinstance(address := getattr(namespace[name], "address", None), int):
-            raise FileError(f"{path}: {name} is no numba.cfunc")
+            raise FileError(f"{path}: {name} is not a numba.cfunc")
         calls[name] = ctypes.CFUNCTYPE(*FUNCTIONS[name])(address)
     return frozenset(str(namespace["KEYS"]).split()), {"create": namespace["create"], "file": namespace, **calls}
 
@@ -129,7 +131,7 @@ class Instance:
         line = ctypes.create_string_buffer(ERROR_BYTES)
         self.address = self._functions["create"](configuration.encode(), file_text.encode(), line, ERROR_BYTES)
         if not self.address:
-            self.fail(f"gyro_plant_create: {_text(line.value) or 'no text'}")
+            self.fail(f"gyro_plant_create: {_text(line.value) or 'the library gave no reason'}")
         weakref.finalize(self, self._functions["destroy"], self.address)
 
     def fail(self, text):

@@ -142,17 +142,18 @@ class AnomalyDetector:
         frame_ms = 1e3 / config.design_record().frame_hz
         for name, p, longest in zip(CODES, repeated_code_probability.adc_repeats(config), self.longest.tolist()):
             if p**longest * self.frames < REPEATED:
-                yield f"{name} repeated one code for {longest + 1} frames ({longest * frame_ms:.3g} ms): frozen?"
+                repeated_ms = longest * frame_ms
+                yield f"{name} repeated one code for {longest + 1} frames ({repeated_ms:.3g} ms); it may be frozen"
 
     def _warn_jumps(self, scenario):
         explained = OFTEN * (len(scenario.register_writes) + _rate_jumps(scenario))
         for name, blocks in zip(CODES, self.jumps.tolist()):
             if blocks >= OFTEN + explained:
-                yield f"{name} jumps by more than {SIGMAS:g} times its scatter in {blocks} {OF_BLOCKS}: spikes?"
+                yield f"{name} jumps by more than {SIGMAS:g} times its scatter in {blocks} {OF_BLOCKS}; possible spikes"
 
     def _warn_ringing(self):
         if self.rings >= OFTEN:
-            yield f"the sense mode swings freely in {self.rings} {OF_BLOCKS}: does a DAC stand still at times?"
+            yield f"the sense mode swings freely in {self.rings} {OF_BLOCKS}; a DAC may have stopped at times"
 
     def _warn_offsets(self):
         for name, what in NULLED.items():
@@ -173,7 +174,7 @@ class AnomalyDetector:
             change = (after - before) / before if before else 0.0
             if abs(change) > limit and abs(after - before) > SIGMAS * scatter:
                 percent = f"{100 * change:+.3g} %"
-                yield f"{name} drifted by {percent} at constant rate and temperature: a channel, a DAC or the gyroscope"
+                yield f"{name} drifted by {percent} at constant rate and temperature; check channel, DAC and gyroscope"
 
 
 def _bends(codes, lag):

@@ -106,8 +106,8 @@ def pickoff_poles_s(base, channel, temp_degc):
 def _path_register_rows(firmware, channel, at):
     """Rows of the registers that one path has beyond the other."""
     counts = {"before": getattr(firmware, f"{channel}_sine_registers")}
-    counts["behind"] = getattr(firmware, f"{channel}_code_registers")
-    return [at.clocks(f"registers {where} the product, of this path", n) for where, n in counts.items() if n]
+    counts["after"] = getattr(firmware, f"{channel}_code_registers")
+    return [at.clocks(f"registers {where} the product, this path only", n) for where, n in counts.items() if n]
 
 
 def _switch(firmware, device, tick_clocks, at, fitted):
@@ -116,8 +116,8 @@ def _switch(firmware, device, tick_clocks, at, fitted):
         mean_s = device.sid_switch_s + device.sid_fall_s / 2
         return at.delay("reference: analog switch", -mean_s, f"{fitted}typical value")
     if firmware.reference_retimed:
-        return at.clocks("reference: sampled one tick after the grid, less half a sample", -tick_clocks / 2)
-    return at.clocks("reference: mean wait for the sample, less half a sample", -0.5)
+        return at.clocks("reference: sampled one tick after the grid, minus half a sample", -tick_clocks / 2)
+    return at.clocks("reference: mean wait for the sample, minus half a sample", -0.5)
 
 
 def setpoint_amplitude_m(config, temp_degc):
@@ -130,8 +130,8 @@ def setpoint_amplitude_m(config, temp_degc):
 def _ring_note(config, temp_degc):
     """Where the ring diode leaves 1 %, and what the plant makes of it."""
     device = config.device()
-    ring_text = f"Ring diode: its gain has lost 1 % at {1e6 * ring_levels.limit_m(device, temp_degc):.3g} um "
-    ring_text += f"({temp_degc:g} degC, within 8 %); set-point {config.firmware.amplitude_um:g} um"
+    ring_text = f"Ring diode: its gain is reduced by 1 % at {1e6 * ring_levels.limit_m(device, temp_degc):.3g} um "
+    ring_text += f"({temp_degc:g} degC, accurate to 8 %); set-point {config.firmware.amplitude_um:g} um"
     if device.ring_saturation_on:
         amplitude_um = 1e6 * setpoint_amplitude_m(config, temp_degc)
         return f"{ring_text}, held at {amplitude_um:.4g} um. It saturates in this plant (plant.ring_saturation_on = 1)."
@@ -191,7 +191,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
                 f"{fitted}one frame in the sense path" if frames else "",
             ),
             at.clocks(f"hold of the {grid} update, half a period", tick_clocks / 2),
-            at.delay("DAC response after its latch", delay_s, "memory of a data sheet" if delay_s else ""),
+            at.delay("DAC response after its latch", delay_s, "recalled from a data sheet" if delay_s else ""),
             *(at.pole(f"output pole {n}", tau, f"{fitted}typical value") for n, tau in enumerate(poles, 1)),
             at.clocks("reference: DDS output register", -dds.LATENCY),
             at.clocks("reference: sign register", -references.LATENCY),

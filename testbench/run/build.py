@@ -53,8 +53,8 @@ NOT_READ = {
     "sense_dac_power_on_v": "the chip's output is clamped to 0 V until its control word",
     "quad_dac_power_on_v": "the chip powers on at code 0",
     "quad_dac_delay_s": "V_q acts at the next 8 kHz frame",
-    "diode_rs_ohm": "it does not matter to the averaged ring",
-    "bias_v": "k_vf_drive_n_per_v and k_vf_sense_n_per_v hold it",
+    "diode_rs_ohm": "the averaged model of the ring does not depend on it",
+    "bias_v": "k_vf_drive_n_per_v and k_vf_sense_n_per_v include it",
 }
 CONVERSION_DELAY_S = 1.5e-6  # A  the decimator's last steps; DRDY must not fall before the plant tick is known
 
@@ -98,10 +98,14 @@ def nominal(config):
 def _check_nominal(d, drive_gain, sense_gain):
     """ValueError, naming the key of [nominal], for a board whose loops have no gain or the wrong sign."""
     for names, positive, reason in (
-        ("k_vf_drive_n_per_v * signal_gain * dcdx_f_per_m", d.k_vf_drive_n_per_v * drive_gain, "the drive loop's sign"),
-        ("kxy_n_per_m", d.kxy_n_per_m, "V_q takes a positive stiffness away, and adds none"),
-        ("kq_n_per_m_per_v2", d.kq_n_per_m_per_v2, "V_q must act on the coupling"),
-        ("coriolis_mass_kg", d.coriolis_mass_kg, "a rate must act on the sense mode"),
+        (
+            "k_vf_drive_n_per_v * signal_gain * dcdx_f_per_m",
+            d.k_vf_drive_n_per_v * drive_gain,
+            "the drive loop needs a positive gain",
+        ),
+        ("kxy_n_per_m", d.kxy_n_per_m, "V_q can cancel only a positive coupling stiffness"),
+        ("kq_n_per_m_per_v2", d.kq_n_per_m_per_v2, "V_q must reduce the coupling stiffness"),
+        ("coriolis_mass_kg", d.coriolis_mass_kg, "a rate must exert a force on the sense mode"),
     ):
         if not positive > 0:
             raise ValueError(f"nominal.{names} = {positive:g} is not above 0: {reason}")
@@ -111,7 +115,9 @@ def _check_nominal(d, drive_gain, sense_gain):
         ("signal_gain * dcdy_f_per_m", sense_gain),
     ):
         if not other_than_0:
-            raise ValueError(f"nominal.{names} = 0: the sense loops need another value, whose sign sets that of gains")
+            raise ValueError(
+                f"nominal.{names} = 0: must not be 0, because its sign sets that of the sense loops' gains"
+            )
 
 
 def firmware(config):
@@ -237,8 +243,8 @@ def no_rate_output(config):
     """Lines: that the rate output reads 0, and why."""
     if not config.is_paper_board and rate_scale(config) == 0:
         yield (
-            f"the rate output reads 0: {word_per_deg_s(config):.4g} LSB of the force word per deg/s are below "
-            f"{rate_output.LEAST_WORD_PER_DEG_S:.4g}, the least that RATE_SCALE holds; the force word has the rate"
+            f"the rate output reads 0: the scale factor of {word_per_deg_s(config):.4g} LSB/(deg/s) is below "
+            f"{rate_output.LEAST_WORD_PER_DEG_S:.4g}, the minimum for the rate register; read rate_word instead"
         )
 
 
@@ -296,7 +302,7 @@ def analog(config, temp_lo_degc, temp_hi_degc):
     clocks = record.tick_clocks
     for name, reason in NOT_READ.items():
         if getattr(d, name) != Device._field_defaults[name]:
-            raise ValueError(f"plant.{name} = {getattr(d, name):g} would change nothing: {reason}")
+            raise ValueError(f"plant.{name} = {getattr(d, name):g} would have no effect: {reason}")
     if temp_lo_degc != temp_hi_degc:
         for name in ONE_TEMPERATURE:
             if getattr(d, name):

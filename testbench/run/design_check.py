@@ -6,7 +6,7 @@
     sine            the phase must hold quadrant, address and fraction; a row must rise by more than nothing
 
 Gains that no format holds are refused by the designers of the loops, sample rates by that of the converter.
-Source    docs/blocks/design_record.md
+Source    docs/firmware.md
 """
 
 from analog_frontend.parts import adc
@@ -23,12 +23,12 @@ ADC_KEYS = {"adc_bits": " bits", "adc_word_bits": " bits", "adc_channels": "", "
 def default_only(config, what, keys=None):
     """Raise ConfigError for another design than the default one, in what is made for it alone; `keys` that matter."""
     if keys is None and config.scenario.host != "bus":
-        raise ConfigError(f'scenario.host = "{config.scenario.host}": {what} has writes of the bank\'s bus, "bus"')
+        raise ConfigError(f'scenario.host = "{config.scenario.host}": {what} supports "bus" only')
     standard = type(config.design)()
     for key in keys or type(config.design).model_fields:
         design_value, default = getattr(config.design, key), getattr(standard, key)
         if design_value != default:
-            raise ConfigError(f"design.{key} = {design_value}: {what} is of the default design, {default}, alone")
+            raise ConfigError(f"design.{key} = {design_value}: {what} supports only the default design, {default}")
 
 
 def _frame(d, role):
@@ -86,7 +86,7 @@ def _adc(config):
                 raise ConfigError(f'design.{key} = {getattr(d, key)}{unit} needs design.adc = "generic"')
         least = -(-d.master_hz // ADC_SCLK_HZ)
         if d.adc_divider < least:
-            more = f"; adc_divider = {2 ** (least - 1).bit_length()} would do" if least <= 8 else ""
+            more = f"; set adc_divider = {2 ** (least - 1).bit_length()}" if least <= 8 else ""
             raise ConfigError(
                 f"design.master_hz = {d.master_hz} Hz / adc_divider = {d.adc_divider} is above {ADC_SCLK_HZ} Hz, the "
                 f"SCLK limit of the ADC {d.adc}{more}"
@@ -94,7 +94,7 @@ def _adc(config):
     step_code, part = config.plant.adc_step_code, Device._field_defaults["adc_step_code"]
     if d.adc == chips.GENERIC and step_code != part:
         raise ConfigError(
-            f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298", not "generic": adc_bits says'
+            f'plant.adc_step_code = {step_code} needs design.adc = "ADS1298"; for "generic" adc_bits sets the step'
         )
     if d.adc_bits > d.adc_word_bits:
         raise ConfigError(
@@ -134,8 +134,8 @@ def check(config):
     needed = 2 + d.sine_address_bits + d.sine_fraction_bits
     if d.dds_bits < needed:
         raise ConfigError(
-            f"design.dds_bits = {d.dds_bits} bits is below {needed}, the quadrant, sine_address_bits and "
-            "sine_fraction_bits of the sine"
+            f"design.dds_bits = {d.dds_bits} bits is below {needed}, the sum of 2, sine_address_bits and "
+            "sine_fraction_bits"
         )
     if d.sine_bits <= d.sine_address_bits:
         raise ConfigError(

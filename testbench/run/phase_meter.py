@@ -91,7 +91,7 @@ class Fit:
         """Rows of the basis, then the nodes; in place: millions of samples take longer to copy than to compute."""
         table[self._rows :] = nodes
         if not np.isfinite(table[self._rows :]).all():
-            raise ValueError(f"phase fit: needs at least 16 finite samples, got {self.samples} with others among them")
+            raise ValueError(f"phase fit: needs at least 16 finite samples, got {self.samples}, not all finite")
         table[2] = 1.0
         for row, turns in [(0, theta_turns)] + ([] if free_turns is None else [(3, free_turns[block])]):
             cosine, angle = table[row : row + 2]

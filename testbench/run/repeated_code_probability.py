@@ -5,7 +5,7 @@
     alarm    p_any ** repeats: every repetition of a debounce is such a one, though no channel is frozen
 
 The firmware's check of a board is on where `alarm` is below LIMIT. Noise that is the same for some ticks counts once.
-Source    docs/blocks/fault_monitor.md, docs/blocks/digital_sid.md, docs/decisions/0016-frozen-channels.md
+Source    fpga_model/fault_monitor.py, fpga_model/digital_sid.py, docs/decisions/0016-frozen-channels.md
 """
 
 import itertools

@@ -12,8 +12,8 @@ from testbench.run.phase_meter import wrap_deg
 
 # stands wherever a phase of the paper stands beside one of ours
 FITTED = (
-    "The default latencies are the best fit to the paper's xe1 and ye1 of a search over discrete assumptions, and the "
-    "capacitors of xe2 and ye2 were chosen to fit. Agreement with the paper is therefore no confirmation."
+    "We searched the possible latencies and kept those nearest the paper's xe1 and ye1. The capacitors of xe2 and ye2 "
+    "were chosen to fit. Agreement with the paper therefore confirms nothing."
 )
 NODE_TEXT = {
     "xe1": "drive: reference pin to force",
@@ -44,7 +44,7 @@ def phases(summary):
     heads = ("phase", "from .. to", "measured deg", "1 sigma", "budget deg", "difference", "paper deg", "difference")
     column_count = len(heads) if any(v is not None for v in published.values()) else len(heads) - 2
     rows = [row[:column_count] for row in rows]
-    return Table("Phase errors (lags, positive)", heads[:column_count], rows, numeric=tuple(range(2, column_count)))
+    return Table("Phase errors (a lag is positive)", heads[:column_count], rows, numeric=tuple(range(2, column_count)))
 
 
 # Key of the summary -> (text, unit, digits, factor).
@@ -65,7 +65,7 @@ def results_table(summary):
         value = summary.get(key)
         rows.append((text, to_decimals(None if value is None else value * factor, digits), unit))
     for node, value in (summary.get("loop_phase_deg") or {}).items():
-        rows.append((f"loop phase {node}' (node phase less the switch delay)", to_decimals(value, 4), "deg"))
+        rows.append((f"loop phase {node}' (node phase minus the switch delay)", to_decimals(value, 4), "deg"))
     if summary.get("codes_sha256"):
         kind, _, digest = summary["codes_sha256"].rpartition(":")
         what = "hash of all ADC codes and words" if kind else "hash of all DAC and ADC codes"
@@ -101,7 +101,8 @@ def budget_node(budget, node, assumption_free_deg=None):
     if paper_verdict:
         note = (
             "Entries with a text on the right are fitted or assumed, not facts about the paper's board. "
-            f"{paper_verdict['basis']}. Rests on the fitted values {', '.join(paper_verdict['rests_on'])}. {FITTED}"
+            f"{paper_verdict['basis']}. "
+            f"This depends on the fitted values {', '.join(paper_verdict['rests_on'])}. {FITTED}"
         )
     if node == "xe2":
         amplifier_notes = (amplifier_use.sentence(budget.amplifiers), *amplifier_use.warnings(budget.amplifiers))

@@ -133,7 +133,7 @@ def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=None):
     limit = round(limit_s * sim.design.tick_hz)
     sim.now = sim.conditions(rate_rad_s, temp_degc)
     if max(map(len, sim.now)) > 1:
-        raise ConfigError("start: rate_rad_s and temp_degc are one number each; advance takes profiles")
+        raise ConfigError("start: rate_rad_s and temp_degc must be single numbers; use advance for profiles")
     start_up_sink = StartUp(sim.design.frame_hz)
     sim.sinks.append(start_up_sink)
     for name, raw in sim.first_writes:

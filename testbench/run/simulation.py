@@ -54,7 +54,7 @@ TRUTH = {name: k for k, (name, _) in enumerate(clocked.TRUTH_COLUMNS)}
 def runner(name):
     """`run` of the engine called `name`; an engine that is not used is not loaded."""
     if name not in ENGINES:
-        raise ConfigError(f"engine = {name!r} is none of {', '.join(ENGINES)}")
+        raise ConfigError(f"engine = {name!r} is not one of {', '.join(ENGINES)}")
     if name == "clocked":
         return clocked.run
     if name == "baseband":
@@ -81,7 +81,7 @@ class Simulation:
         if any(fault[1].startswith(foreign) for fault in config.scenario.faults):
             board = {"adc_": "analog_sid", "sample_": "digital_sid"}[foreign]
             raise ConfigError(
-                f'scenario.faults: {foreign}* faults need firmware.board = "{board}"; the other has no such ADC'
+                f'scenario.faults: {foreign}* faults need firmware.board = "{board}"; the other board has no such ADC'
             )
         self.engine = engine or config.scenario.engine
         self.design = config.design_record()
@@ -90,7 +90,9 @@ class Simulation:
         temp_hi_degc += config.plant.self_heating_k
         design_check.check(config)
         if stale := bound.outdated_functions():
-            raise RuntimeError(f"{stale[0]} was compiled before something that it calls was replaced: start anew")
+            raise RuntimeError(
+                f"{stale[0]} was compiled before a function that it calls was replaced; start a new process"
+            )
         try:
             self.params = build.params(config, temp_lo_degc, temp_hi_degc)
             self.first_writes = build.register_writes(config)
@@ -201,7 +203,9 @@ class Simulation:
 
     def _advance(self, ticks, rate, temp, host=(0, 0, 0), probe_ticks=0):
         if probe_ticks and self.foreign:
-            raise ConfigError("scenario.plant: no phases can be read: the port has no voltages of the plant's nodes")
+            raise ConfigError(
+                "scenario.plant: phases cannot be measured: the library gives no voltages of the plant's nodes"
+            )
         rate, temp, streams = self.chunk(ticks, rate, temp, probe_ticks)
         started = time.perf_counter()
         with interrupts.defer_interrupts():
@@ -277,7 +281,7 @@ class Simulation:
         Raises ValueError if the codes are not kept.
         """
         if not self.keep_codes:
-            raise ValueError("simulation: no hash of codes that are not kept")
+            raise ValueError("simulation: has no hash, because codes are not kept")
         return "frames:" * self.is_averaged + self.hash.hexdigest()
 
     def columns(self):
@@ -412,7 +416,7 @@ class Simulation:
     def set_state(self, values):
         """Continue from what `state_values` gave."""
         if missing := sorted(set(self.state_values()) - set(values)):
-            raise ConfigError(f"state: lacks {missing[0]}; state_values() gives a whole one")
+            raise ConfigError(f"state: lacks {missing[0]}; state_values() returns a complete one")
         values = self._with_added(values)
         plant = {}
         for name, item in _fields(self.state.plant):

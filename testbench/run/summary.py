@@ -120,20 +120,22 @@ def notes(config, summary, planned):
     """Sentences: what is assumed, and what remains unexplained."""
     sentences = []
     if not summary["locked"]:
-        sentences.append("NOT LOCKED at the end of the scenario; see docs/blocks/sequencer.md")
+        sentences.append("NOT LOCKED at the end of the scenario; see docs/firmware.md")
         sentences += _out_of_reach(config)
     if summary.get("window_missing"):
-        sentences.append(f"The waveform window lacks {summary['window_missing']} clocks: run or phase reading cut it.")
+        sentences.append(
+            f"The waveform window lacks {summary['window_missing']} clocks: the run ended or the phases were read."
+        )
     if summary.get("flags"):
-        sentences.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/blocks/fault_monitor.md")
+        sentences.append(f"Fault flags raised: {', '.join(summary['flags'])}; see docs/firmware.md")
     sentences += [f"Warning: {text}" for text in summary.get("warnings", ())]
     sentences += [planned.ring, amplifier_use.sentence(planned.amplifiers)]
     design = config.design_record()
-    origin = "Fitted to the paper, no fact" if config.is_paper_board else "As configured"
+    origin = "Fitted to the paper, not a fact" if config.is_paper_board else "As configured"
     if config.firmware.reference_retimed:
         sentences.append(
             f"{origin}: the references leave on the {1e-6 * design.tick_hz:g} MHz grid "
-            f"(firmware.reference_retimed), which takes {(design.tick_clocks + 1) / 2:g} clocks off xe1 and ye1."
+            f"(firmware.reference_retimed), which reduces xe1 and ye1 by {(design.tick_clocks + 1) / 2:g} clocks."
         )
     if count := config.firmware.frame_latency_sense:
         frames = f"one extra {1e6 / design.tick_hz:g} us frame" if count == 1 else f"{count} extra frames"
@@ -143,16 +145,16 @@ def notes(config, summary, planned):
     if paper_verdict:
         gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
         sentences += phases.sentences(paper_verdict)
-        sentences.append("Less the paper's: " + ", ".join(f"{k} {ns:+.0f} ns" for k, ns in gap.items()) + ".")
+        sentences.append("Measured minus paper: " + ", ".join(f"{k} {ns:+.0f} ns" for k, ns in gap.items()) + ".")
         sentences.append(f"{FITTED} See docs/phases.md.")
     if paper_verdict and config.firmware == Firmware() and config.plant == Plant():
         sentences.append(
-            "Most of the difference is in ye1. Two alternatives: part of the DAC's 130 ns is inside its output poles, "
-            "or a pole near 170 kHz is there instead of the frame. Their drift with temperature differs."
+            "Most of the difference is in ye1. There are two alternatives: part of the DAC's 130 ns is inside its "
+            "output poles, or a pole near 170 kHz is there instead of the frame. Their drift with temperature differs."
         )
         sentences.append(
             "Two measurements cannot separate ring diode, noise gains and switch delay in xe2 and ye2. The loop phases "
-            "printed above are less the assumed 80 ns of the analog switch."
+            "printed above exclude the assumed 80 ns of the analog switch."
         )
     return tuple(sentences)
 
@@ -162,8 +164,8 @@ def _out_of_reach(config):
     f, fx_hz = config.firmware, config.plant.fx_hz
     if abs(fx_hz - f.nominal_frequency_hz) > f.search_limit_hz:
         yield (
-            f"plant.fx_hz = {fx_hz:g} Hz is beyond firmware.search_limit_hz = {f.search_limit_hz:g} Hz of "
-            f"firmware.nominal_frequency_hz = {f.nominal_frequency_hz:g} Hz: state the board in [nominal]"
+            f"plant.fx_hz = {fx_hz:g} Hz is more than firmware.search_limit_hz = {f.search_limit_hz:g} Hz from "
+            f"firmware.nominal_frequency_hz = {f.nominal_frequency_hz:g} Hz: describe the board in [nominal]"
         )
 
 

@@ -137,7 +137,7 @@ class Standby:
                 self.child.wait(shared_files.PATIENCE_S)
             except subprocess.TimeoutExpired:
                 waits = f"waits for process {self.child.pid}, which compiles the frame engine"
-                print(f"gyro: {waits}; {lock_or_error.strerror} runs meanwhile", file=sys.stderr, flush=True)
+                print(f"gyro: {waits}; {lock_or_error.strerror} runs in the meantime", file=sys.stderr, flush=True)
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self.child.wait(TIMEOUT_S)
         from testbench.engines import frame

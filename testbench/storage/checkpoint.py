@@ -61,7 +61,7 @@ class Partial:
         except FileNotFoundError:  # removed by a run that has just ended
             self.hold()
         except shared_files.LockedError as other:
-            raise FileError(f"{self.folder.parent}: another run is at work in this folder: {other.strerror}") from None
+            raise FileError(f"{self.folder.parent}: another run is using this folder: {other.strerror}") from None
         except OSError as problem:
             raise explain(self.folder, problem) from None
 
@@ -77,7 +77,7 @@ class Partial:
         if self.resumable():
             raise FileError(
                 f"{self.folder.parent}: holds an unfinished run; --resume-run {self.folder.parent} continues it, "
-                "--discard starts anew"
+                "--discard starts a new run"
             )
 
     def discard(self):
@@ -111,7 +111,7 @@ class Partial:
     def check(self):
         """FileError if there is nothing to continue."""
         if not self.resumable():
-            raise FileError(f"{self.folder.parent}: holds no interrupted run with a checkpoint; start it again")
+            raise FileError(f"{self.folder.parent}: holds no interrupted run with a checkpoint; start the run again")
 
     def keep_window(self, rows):
         """Keep the registers of the window, once; returns their SHA-256."""
@@ -127,7 +127,7 @@ class Partial:
         with open_input(self.window) as file:  # a window of 10 ms is larger than what users may hand over
             data = file.read()
         if hashlib.sha256(data).hexdigest() != digest:
-            raise FileError(f"{self.window}: is not what was written; start the run again with --discard")
+            raise FileError(f"{self.window}: differs from what was written; start the run again with --discard")
         return np.frombuffer(data, "<i8").reshape(-1, columns)
 
     def clear(self):

@@ -68,7 +68,7 @@ def hold_lock(path, refusal):
 def refuse_foreign_links(path):
     """FileError if a link of another user is on the way to `path`: it may lead to any file of this user."""
     if link := shared_files.foreign_link(path):
-        raise FileError(f"{path}: leads through {link}, a link of another user; name a folder of your own")
+        raise FileError(f"{path}: leads through {link}, a link of another user; name a folder that belongs to you")
 
 
 def make_private_folder(path):
@@ -79,9 +79,11 @@ def make_private_folder(path):
         path.mkdir(mode=0o700)
     folder_stat = path.lstat()
     if not stat.S_ISDIR(folder_stat.st_mode):
-        raise FileError(f"{path}: is no folder; remove it")
+        raise FileError(f"{path}: is not a folder; remove it")
     if folder_stat.st_uid != os.geteuid():
-        raise FileError(f"{path}: belongs to another user (uid {folder_stat.st_uid}); name a folder of your own")
+        raise FileError(
+            f"{path}: belongs to another user (uid {folder_stat.st_uid}); name a folder that belongs to you"
+        )
     if folder_stat.st_mode & 0o077:
         path.chmod(0o700)
 
@@ -120,7 +122,7 @@ class Staging:
             try:
                 return shared_files.try_lock(self._folder / "lock")
             except shared_files.LockedError as other:
-                raise FileError(f"{display_path}: another process writes it: {other.strerror}") from None
+                raise FileError(f"{display_path}: another process is writing it: {other.strerror}") from None
             except FileNotFoundError:  # removed by a process that has just ended
                 continue
 
@@ -240,7 +242,9 @@ def replace_folder(path, mark=None, keep=False):
                 why = f" and has no {mark}" if mark else ""
                 raise FileError(f"{path}: is not empty{why}; it is not replaced: name another folder")
         if path.is_dir() and Path.cwd().is_relative_to(path.resolve()):
-            raise FileError(f"{path}: this command works in it and cannot replace it; name a folder in it")
+            raise FileError(
+                f"{path}: is the working directory or contains it, and cannot be replaced; name another folder"
+            )
         new.mkdir()
         token = _set.set(None)
         try:

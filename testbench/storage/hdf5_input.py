@@ -112,7 +112,9 @@ def _dataset_bytes(path, dataset_path, dataset, packed):
     for k in range(creation_properties.get_nfilters()):
         code = creation_properties.get_filter(k)[0]
         if code not in FILTERS:
-            raise _hdf5_error(path, f"filter {code} of {dataset_path}, none of {', '.join(FILTERS.values())}")
+            raise _hdf5_error(
+                path, f"filter {code} of {dataset_path}, which is not one of {', '.join(FILTERS.values())}"
+            )
     size = max(_unpacked_bytes(dataset.shape, dataset.dtype), _unpacked_bytes(dataset.chunks or (0,), dataset.dtype))
     if size <= inputs.most_expansion(packed) and dataset.ndim == 1 and h5py.check_string_dtype(dataset.dtype):
         # many elements may share one long text; each may be as long as the file

@@ -41,7 +41,7 @@ def check(path, saved, mine, allowed):
     if not allowed:
         raise FileError(
             f"{path}: was saved by {_text(saved, mine)}, this is {_text(mine, saved)}; "
-            "--across-versions continues all the same"
+            "--across-versions continues despite the difference"
         )
     return saved
 

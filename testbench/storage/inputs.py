@@ -59,7 +59,7 @@ def open_input(path, limit=None, error=FileError):
     file_stat = os.fstat(handle)
     if not stat.S_ISREG(file_stat.st_mode):
         os.close(handle)
-        raise error(f"{path}: is no regular file")
+        raise error(f"{path}: is not a regular file")
     with open(handle, "rb") as file:
         if limit is not None and file_stat.st_size > limit:
             raise error(f"{path}: {file_stat.st_size} bytes are more than the limit of {limit} (GYRO_INPUT_MB)")
@@ -122,7 +122,7 @@ def explain_damage(source_name, what, error=FileError):
         raise
     except (Exception, RecursionError, MemoryError) as problem:
         reason = str(problem) or type(problem).__name__
-        raise error(f"{source_name}: is no {what} that can be read: {reason[:200]}") from None
+        raise error(f"{source_name}: is not a readable {what}: {reason[:200]}") from None
 
 
 def most_expansion(packed):
@@ -160,7 +160,7 @@ def validate_data(data, kind, source_name, error=FileError):
 
 def parse_json(text, source_name, kind=dict, error=FileError):
     """JSON text (or bytes) as a value of the type `kind`."""
-    with explain_damage(source_name, "JSON", error):
+    with explain_damage(source_name, "JSON text", error):
         data = json.loads(text)
     return validate_data(data, kind, source_name, error)
 

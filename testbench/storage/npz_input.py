@@ -43,6 +43,6 @@ def _array(archive, member, source_name):
         shape, fortran, dtype = HEADERS[version](file)
         stated_bytes, stored_bytes = math.prod(shape) * dtype.itemsize, member.file_size - file.tell()
         if dtype.hasobject or dtype.names or stated_bytes != stored_bytes or min(shape, default=0) < 0:
-            raise FileError(f"{name}: {dtype} {shape} are {stated_bytes} bytes, the member holds {stored_bytes}")
+            raise FileError(f"{name}: {dtype} {shape} needs {stated_bytes} bytes, the member has {stored_bytes}")
         array = np.frombuffer(file.read(), dtype) if stated_bytes else np.zeros(0, dtype)
     return array.reshape(shape, order="F" if fortran else "C").copy()

@@ -271,7 +271,9 @@ class RecordWriter:
         if not is_valid_unit(unit):
             raise ValueError(f"stream {name}: unit {unit!r} is not in the table of units")
         if name in self._streams or num < 1 or den < 1:
-            raise ValueError(f"stream {name}: declared twice, or rate {num}/{den} is not a ratio of positive integers")
+            raise ValueError(
+                f"stream {name}: duplicate stream, or rate {num}/{den} is not a ratio of positive integers"
+            )
         axis = axis_name(num, den, edge0, self._clock_hz)
         if axis not in self._axes:
             self._axes[axis] = (num, den, edge0)

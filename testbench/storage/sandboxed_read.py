@@ -37,14 +37,14 @@ def read_in_subprocess(module, path, what, *more):
             timeout=longest_s,
         )
     except subprocess.TimeoutExpired:
-        raise FileError(f"{path}: is no {what} that can be read: it takes longer than {longest_s:.0f} s") from None
+        raise FileError(f"{path}: is not a readable {what}: reading takes longer than {longest_s:.0f} s") from None
     except (OSError, ValueError) as problem:
         raise FileError(f"{path}: cannot be read: {problem}") from None
     if process.returncode == REFUSED:
         raise FileError(process.stderr.decode("utf-8", "replace"))
     if process.returncode:
         how = f"signal {-process.returncode}" if process.returncode < 0 else f"exit code {process.returncode}"
-        raise FileError(f"{path}: is no {what} that can be read: the library fails ({how})")
+        raise FileError(f"{path}: is not a readable {what}: the library fails ({how})")
     return process.stdout
 
 

@@ -133,7 +133,7 @@ class Spool:
             with open(path, "wb" if rows is None else "r+b") as file:
                 size, file_bytes = (rows or 0) * self.dtype.itemsize, os.fstat(file.fileno()).st_size
                 if file_bytes < size:
-                    raise FileError(f"{path}: holds {file_bytes} bytes, its checkpoint speaks of {size}")
+                    raise FileError(f"{path}: has {file_bytes} bytes, its checkpoint states {size}")
                 file.truncate(size)
         except OSError as problem:
             raise explain(path, problem) from None
@@ -197,8 +197,8 @@ class Spool:
         """FileError if block k is another than the one that was written."""
         if block_digest != saved_digest:
             raise FileError(
-                f"{self.path}: rows {k * READ_ROWS} .. {min((k + 1) * READ_ROWS, self.rows) - 1} are not those that "
-                "were written: another program changed the file; start the run again with --discard"
+                f"{self.path}: rows {k * READ_ROWS} .. {min((k + 1) * READ_ROWS, self.rows) - 1} differ from what "
+                "was written: another program changed the file; start the run again with --discard"
             )
 
     def row_blocks(self):
@@ -210,7 +210,9 @@ class Spool:
             return
         size, written = os.path.getsize(self.path), self.rows * self.dtype.itemsize
         if size != written:
-            raise FileError(f"{self.path}: holds {size} bytes, {written} were written: another run in this folder?")
+            raise FileError(
+                f"{self.path}: has {size} bytes, but {written} were written; another run may use this folder"
+            )
         block_digests = [*self._digests, self._open.digest()]
         for k, (rows, block_digest) in enumerate(self._read()):
             self._check_block(k, block_digest, block_digests[k])
@@ -294,7 +296,7 @@ class Recording:
             return
         words = (np.stack([rows[name] for name in HASHED], axis=1) for rows in blocks)
         if not self.codes.has_words(words):
-            raise FileError(f"{path}: its rows are not those of codes_sha256; it was not written")
+            raise FileError(f"{path}: its rows do not match codes_sha256; the record was not written")
 
     def write(self, path, progress=None):
         """Write the record, whose rows must be those of the hash of codes; returns its content hash."""

@@ -89,9 +89,9 @@ def _tree(signal_list, top):
         for scope in scopes:
             node = node.setdefault(scope, {})
             if not isinstance(node, dict):
-                raise ValueError(f"signal {signal.name}: {scope} is a signal and a scope")
+                raise ValueError(f"signal {signal.name}: {scope} is the name of both a signal and a scope")
         if leaf in node:
-            raise ValueError(f"signal {signal.name}: twice, or also a scope")
+            raise ValueError(f"signal {signal.name}: is a duplicate, or has the name of a scope")
         node[leaf] = signal
     return tree
 

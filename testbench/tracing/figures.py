@@ -52,14 +52,11 @@ def heldout_errors(tracer):
     axis.set_yticks(range(len(rows)), [k for k, _ in rows])
     axis.set_ylim(-0.6, len(rows) - 0.4)
     axis.set_xscale("log")
-    axis.set_xlabel("held-out rms / repeatability (1 = nothing left but noise)")
+    axis.set_xlabel("held-out rms / repeatability (1 = noise only)")
     axis.plot([], [], "s", color=VERMILION, label="before (calibrated, no law)")
     axis.plot([], [], "o", color=BLUE, label="after")
     axis.legend(frameon=False, loc="upper right")
-    caption = (
-        "Error on data that no fit has seen, 95 % intervals. See: where the blue dot stands at 1, nothing is left."
-    )
-    return caption, figure
+    return "Error on held-out data, with 95 % intervals. A blue dot at 1 means that only noise remains.", figure
 
 
 def ranking(tracer):
@@ -72,14 +69,14 @@ def ranking(tracer):
         return None
     best = tracer.found.best if tracer.found else ()
     colors = [BLUE if name in best else GREY for _, name in rows]
-    figure, axis = _bars(rows, colors, "d: size in sigmas after the nuisances have taken their part")
+    figure, axis = _bars(rows, colors, "d: size in sigmas, with all nuisance parameters fitted")
     if tracer.power:
         d90 = [v["d"] for v in tracer.power["d90"].values() if v["d"] is not None]
         if d90:
-            axis.axvline(min(d90), color=GREEN, linestyle="--", label="smallest d seen with 90 %")
+            axis.axvline(min(d90), color=GREEN, linestyle="--", label="smallest d detected with 90 % probability")
             axis.legend(frameon=False, loc="lower right")
     return (
-        "Ranking of single laws (blue: in the explanation). See: bars left of the line would not have been seen.",
+        "Ranking of single laws (blue: in the explanation). This record would not detect effects left of the line.",
         figure,
     )
 
@@ -100,7 +97,7 @@ def cosines(tracer):
     axis.set_yticks(range(len(names)), names)
     _annotate_cells(axis, c, ".2f", lambda cosine: abs(cosine) > 0.6)
     figure.colorbar(image, ax=axis, label="cosine of the projected signatures")
-    return "Cosines between laws after projection. See: pairs near 1 or -1 cannot be told apart on these data.", figure
+    return "Cosines between laws after projection. These data cannot distinguish pairs near 1 or -1.", figure
 
 
 def condition_map(tracer):
@@ -120,7 +117,7 @@ def condition_map(tracer):
         axis.set_title(title)
         _annotate_cells(axis, cells, ".3g", lambda chi2: not 0.12 < chi2 < 8)
     figure.colorbar(image, ax=axes, label="log10(chi2 / rows)")
-    return "Misfit per condition and observable (1 = noise). See: what is left after must be without pattern.", figure
+    return "Misfit per condition and observable (1 = noise). The misfit after must show no pattern.", figure
 
 
 def added_variable(tracer):
@@ -140,11 +137,12 @@ def added_variable(tracer):
         axis.plot(s[::step] * law.scale, partial_residual[::step], ".", color=GREY, markersize=3)
         x = np.array([s.min(), s.max()])
         axis.plot(x * law.scale, x * fit.point.c[i], "-", color=BLUE, label=f"{fit.point.c[i]:.4g} {law.unit}")
-        axis.set_xlabel(f"signature of {law.name} (sigma for {law.scale:g} {law.unit})")
-        axis.set_ylabel("residual without it (sigma)")
+        axis.set_xlabel(f"signature of {law.name} (sigma per {law.scale:g} {law.unit})")
+        axis.set_ylabel("residual without the law (sigma)")
         axis.legend(frameon=False)
     return (
-        "Residual against each law's signature, the rest fitted. See: a straight cloud means the right shape.",
+        "Residual against the signature of each law, with all other laws fitted. Points along a straight line mean "
+        "that the law has the right shape.",
         figure,
     )
 
@@ -175,7 +173,8 @@ def whiteness(tracer):
     axes[1].set_ylabel("autocorrelation")
     axes[0].legend(frameon=False)
     return (
-        "Whitened residual: normal quantiles; autocorrelation (band: 95 % of white). See: after on the dotted line.",
+        "Whitened residual: normal quantiles (left) and autocorrelation (right). White noise lies on the dotted line "
+        "and within the band (95 %).",
         figure,
     )
 
@@ -190,7 +189,10 @@ def power(tracer):
         return None
     labelled_bars = [(d, f"{k}: {d90[k]['value']:.3g} {d90[k]['unit']}") for d, k in rows]
     figure, _ = _bars(labelled_bars, GREEN, "d_90 (sigma)")
-    return "Smallest effect this record would have shown with 90 %, in sigmas and in the law's unit.", figure
+    return (
+        "Smallest effect that this record detects with 90 % probability, in sigmas and in the unit of the law.",
+        figure,
+    )
 
 
 def all_figures(tracer):

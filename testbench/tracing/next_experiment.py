@@ -53,12 +53,12 @@ def _repeat_advice(row):
         # the squares of what each repeat adds, as long as the nuisances are known
         count = int(np.ceil(count * (ENOUGH**2 - now**2) / max(gained, 1e-9)))
         if count > MANY:
-            return None, f"no condition on offer separates {pair}; best is {row['group']} ({where})"
+            return None, f"no available condition separates {pair}; the best is {row['group']} ({where})"
         separation_after = ENOUGH
     return (
         count,
-        f"{count} repeats of {row['group']} ({where}): {pair} are then {separation_after:.2g} sigma apart, "
-        f"{now:.2g} now",
+        f"{count} repeats of {row['group']} ({where}) would separate {pair} by {separation_after:.2g} sigma; now they "
+        f"differ by {now:.2g}",
     )
 
 

@@ -105,7 +105,7 @@ def unphysical(tracer):
             if length and ranking.t[i] ** 2 > max(needed, MISFIT):
                 value, sd = float(ranking.t[i] / length), 1 / length
                 side = (
-                    f"{law.name}: {value:.3g} {law.unit} has the sign that it cannot have"
+                    f"{law.name}: {value:.3g} {law.unit} has the physically impossible sign"
                     if law.sign * value < 0
                     else ""
                 )
@@ -165,14 +165,14 @@ def describe_misfit(tracer, out):
         "largest_cusum": dict(zip(("size", "group", "observable", "row"), jump)) if jump else None,
         "port": out.discovery["ports"][0]["port"] if out.discovery.get("ports") else None,
         "best_partial": [e["law"] for e in out.effects],
-        "wording": f"not explained by the {out.looks['laws']} laws tried; one of them may mimic a law outside",
+        "wording": f"none of the {out.looks['laws']} laws tried explains it; one of them may imitate an untried law",
     }
 
 
 def certificates(tracer):
     base, noise = tracer.base, tracer.noise
     repeats = sorted({int(r) for r in tracer.space.repeats})
-    no_repeats_text = "no repeats: noise from the problem, alarms model-based, ranking only"
+    no_repeats_text = "no repeats: effects are ranked, not confirmed; the declared noise is assumed"
     return {
         "calibration": base.certificate,
         "repeats": {"per_group": repeats, "R14": no_repeats_text if tracer.alarms.model_based else None},
@@ -195,8 +195,8 @@ def build_result(tracer, decision):
         best = search_result.best
         free = verdict.free_d(search_result.fit(best), tracer.identified) if best else {}
         probability = inclusion(*tracer.posterior) if search_result.adequate else {}
-        rejected = "declared noise rejected" if tracer.noise_rejected else ""
-        doubtful = "no repeats" if tracer.alarms.model_based else rejected
+        rejected = "the repeats contradict the declared noise" if tracer.noise_rejected else ""
+        doubtful = "no repeats test the declared noise" if tracer.alarms.model_based else rejected
         confirmed = tracer.heldout.score > CLEAR
         unsupported = verdict.unsupported_law_reason(problem, search_result.fit(best)) if best else ""
         sets = tracer.chosen, tracer.untried, tracer.imitated, unsupported, tracer.heldout.log_odds

@@ -92,7 +92,9 @@ class Tracer:
             [self.space, self.held], rng, verdict.LEVEL, judge=judge
         ).loud()
         if self.noise_rejected:
-            self.notes.append("declared noise contradicted by the repeats: variances refined by observable and octave")
+            self.notes.append(
+                "the repeats contradict the declared noise; variances are re-estimated by observable and octave"
+            )
             self.space = Space(self.problem, "fit", self.noise)
             self.held = Space(self.problem, "validate", self.held_noise)
             self.held_noise = self.held_noise.unit_noise()
@@ -205,7 +207,7 @@ class Tracer:
             pruned += [law for law in names if law not in worst]
             names = worst
         if pruned:
-            self.notes.append(f"not borne out by held-out data: {', '.join(pruned)}")
+            self.notes.append(f"not supported by held-out data: {', '.join(pruned)}")
         adequate = bool(names) and self.work.is_adequate(names)
         best = {"best": names, "adequate": adequate, "dropped": () if names else search_result.best}
         return self.work.result(search_result.pool)._replace(**best)
@@ -231,9 +233,9 @@ class Tracer:
         odds, laws_text = self.heldout.log_odds, " + ".join(best.names)
         harmed = heldout.worse(self.heldout)
         if harmed:
-            self.notes.append(f"{laws_text}: held-out error is larger with it: {', '.join(harmed)}")
+            self.notes.append(f"{laws_text} increases the held-out error of {', '.join(harmed)}")
         if harmed or fitted + odds < -np.log(self.options.alpha) or (odds < 0.0 and not self.found.adequate):
-            self.notes.append(f"{laws_text}: ln odds {fitted:.1f} where fitted, {odds:.1f} where held out")
+            self.notes.append(f"{laws_text}: ln odds {fitted:.1f} from fitted data, {odds:.1f} from held-out data")
             self.found = self.found._replace(best=(), adequate=False, dropped=best.names)
             self.rivals = []
             self.compare_heldout()
@@ -245,7 +247,7 @@ class Tracer:
         if len(self.found.best) > 1:
             self.imitated = self.specific(self.found.best)
         if self.imitated <= verdict.MOST_IMITATED:
-            self.report_progress("causes that do as well")
+            self.report_progress("searching rival causes")
             self.causes, self.untried = find_causes(
                 self.work, self.pool, self.found.best, lambda fit: self.passes(fit)[0]
             )
@@ -292,7 +294,7 @@ class Tracer:
         self.report_progress("alarms")
         self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)
         if self.waiting and self.alarms.p_deterministic < max(DOUBT, self.alpha):
-            self.report_progress("laws beyond the catalogue")
+            self.report_progress("ranking laws beyond the catalogue")
             self.waiting = ()
             self.ranked = self.rankings(self.base.fit)
             self.alarms = self.alarm(self.base.fit, self.ranked, self.alpha)

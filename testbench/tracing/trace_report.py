@@ -43,10 +43,11 @@ def _join_laws(row):
 def _effects(result):
     columns = (
         ("law", "law"), ("port", "port"), ("value", "value", 6), ("sd", "sd", 2), ("unit", "unit"), ("d", "d", 3),
-        ("P", "p"), ("status", "status"), ("what it is", "text"),
+        ("P", "p"), ("status", "status"), ("description", "text"),
     )  # fmt: skip
     note = (
-        "d: size in sigmas after the nuisances have taken their part. P: posterior probability that the law takes part."
+        "d: size of the effect in sigmas, with all nuisance parameters fitted. "
+        "P: posterior probability that the effect is present."
     )
     return _table("Effects", result.effects, columns, note)
 
@@ -61,17 +62,18 @@ def _heldout(result):
     columns = (
         ("observable", "name"), ("unit", "unit"), ("floor", "floor"), ("before", "before"),
         ("95 %", lambda row: _interval(row["before_ci"])), ("after one law", "after_one_law"), ("after", "after"),
-        ("95 %", lambda row: _interval(row["after_ci"])), ("fall, 95 %", lambda row: _interval(row["gain_ci"])),
+        ("95 %", lambda row: _interval(row["after_ci"])), ("decrease, 95 %", lambda row: _interval(row["gain_ci"])),
         ("removed", _removed_share),
     )  # fmt: skip
     chi2 = result.heldout_chi2
     note = (
-        f"rms of single repeats; floor: their own repeatability. chi2 / rows {number(chi2.get('before'))} before, "
-        f"{number(chi2.get('after'))} after, {100 * (1 - REFUSED):g} % limit {number(chi2.get('limit'))}. Intervals: "
-        "simulated, with twelve groups and more a paired block bootstrap; removed: share of the power above the floor."
+        f"Errors are the rms of single repeats; the floor is their repeatability. chi2 / rows: "
+        f"{number(chi2.get('before'))} before, {number(chi2.get('after'))} after, {100 * (1 - REFUSED):g} % limit "
+        f"{number(chi2.get('limit'))}. Intervals are simulated; with twelve groups or more they come from a paired "
+        "block bootstrap. Removed: share of the power above the floor."
     )
     rows = [{"name": name} | row for name, row in result.heldout.items()]
-    return _table("Error before and after, on data that no fit has seen", rows, columns, note)
+    return _table("Error on held-out data, before and after", rows, columns, note)
 
 
 def _models(result):
@@ -81,24 +83,32 @@ def _models(result):
     )  # fmt: skip
     ranked = [m for m in result.models if "failed" not in m]
     failed = "; ".join(f"{_join_laws(m)}: {m['failed']}" for m in result.models if "failed" in m)
-    note = f"Never ranked, as the fit failed: {failed}" if failed else ""
+    note = f"Not ranked, because the fit failed: {failed}" if failed else ""
     return _table("Explanations", ranked[:10], columns, note)
 
 
 def _causes(result):
     columns = (
-        ("cause", _join_laws), ("chi2 more", "chi2", 2), ("P", "p"),
+        ("cause", _join_laws), ("chi2 above the best", "chi2", 2), ("P", "p"),
         ("sizes", lambda c: ", ".join(f"{number(e['value'])} {e['unit']}" for e in c["effects"])),
-        ("cosine", "cosine"), ("d for 3 sigma apart", "d_to_separate", 3),
+        ("cosine", "cosine"), ("d to separate by 3 sigma", "d_to_separate", 3),
     )  # fmt: skip
-    note = f"These conditions do not tell them apart: below {AS_GOOD:.0f} of chi2 or odds of {ODDS:g}, each refitted."
-    return _table("The class of causes", result.causes if len(result.causes) > 1 else (), columns, note)
+    note = (
+        f"These conditions cannot distinguish the causes: chi2 differs by less than {AS_GOOD:.0f}, or the odds are "
+        f"below {ODDS:g}. Each cause was refitted."
+    )
+    return _table(
+        "Class of causes that the data cannot distinguish",
+        result.causes if len(result.causes) > 1 else (),
+        columns,
+        note,
+    )
 
 
 def _rivals_table(result):
     columns = (("laws", _join_laws), ("instead of", "instead_of"), ("V", "vuong", 3))
-    note = "Nothing is adequate. V: how clearly worse than the listed set (2.3: 1 %)."
-    return _table("Not worse for certain", result.rivals, columns, note)
+    note = "No set is adequate. V: Vuong statistic against the listed set; above 2.3 a set is worse at the 1 % level."
+    return _table("Sets that are not significantly worse", result.rivals, columns, note)
 
 
 def _unphysical(result):
@@ -110,18 +120,18 @@ def _unphysical(result):
         ("chi2", "chi2", 4),
         ("why", "why"),
     )
-    note = "Their coefficients would explain as much; they are never named."
-    return _table("Against physics", result.unphysical, columns, note)
+    note = "These laws explain as much, but only with coefficients that physics forbids; they are never named."
+    return _table("Laws with physically impossible coefficients", result.unphysical, columns, note)
 
 
 def _next(result):
     columns = (
         ("segment", "group"),
         ("condition", lambda r: ", ".join(f"{k} {number(v)}" for k, v in r["condition"].items())),
-        ("repeats", "repeats"), ("sigmas apart then", "separation", 3), ("gain", lambda r: f"x{number(r['gain'], 3)}"),
-        ("gain per hour", "gain_per_hour", 3), ("hardest pair", lambda r: " / ".join(r["pair"])),
+        ("repeats", "repeats"), ("separation (sigma)", "separation", 3), ("gain", lambda r: f"x{number(r['gain'], 3)}"),
+        ("gain per hour", "gain_per_hour", 3), ("pair hardest to separate", lambda r: " / ".join(r["pair"])),
     )  # fmt: skip
-    note = "Sigmas by which rivals would differ, all fitted again."
+    note = "Separation: difference of the rivals after this measurement, with all parameters fitted again."
     return _table("What to measure next", result.next_experiment[:8], columns, note)
 
 
@@ -132,21 +142,21 @@ def _alarms(result):
             least = min(test["p"], key=test["p"].get)
             rows.append(test | {"name": name, "least": least, "own": test["p"][least], "draws": str(test["draws"])})
     columns = (
-        ("alarm", "name"), ("global p", "p_global", 3), ("null draws", "draws"), ("loudest statistic", "least"),
-        ("its own p", "own", 3),
+        ("alarm", "name"), ("global p", "p_global", 3), ("null draws", "draws"), ("smallest p of", "least"),
+        ("its p", "own", 3),
     )  # fmt: skip
-    note = f"p of the trace {number(result.p_global, 3)}; laws looked at {result.looks.get('laws', '-')}."
+    note = f"p of the whole trace: {number(result.p_global, 3)}. Laws tested: {result.looks.get('laws', '-')}."
     return _table("Alarms", rows, columns, note)
 
 
 def _nuisances(result):
     columns = (
-        ("nuisance", "name"), ("unit", "unit"), ("prior", "prior", 6), ("prior sd", "prior_sd", 3),
+        ("parameter", "name"), ("unit", "unit"), ("prior", "prior", 6), ("prior sd", "prior_sd", 3),
         ("before", "before", 8), ("after", "after", 8), ("sd", "sd", 2),
     )  # fmt: skip
     words = [d["words"] for d in result.identifiability.get("directions", ()) if d["fixed_by"] != "data"]
-    note = "; ".join(words) or "The data fix every nuisance better than its prior."
-    return _table("Nuisances", result.nuisances, columns, note)
+    note = "; ".join(words) or "The data determine every nuisance parameter better than its prior."
+    return _table("Nuisance parameters", result.nuisances, columns, note)
 
 
 def _power_table(result):
@@ -158,31 +168,33 @@ def _power_table(result):
         rows.append(smallest_effect | {"law": law, "limits": text})
     columns = (
         ("law", "law"), ("d_90", "d", 3), ("value", "value", 3), ("unit", "unit"),
-        ("95 % limits if nothing was found", "limits"),
+        ("95 % limits if no effect was found", "limits"),
     )  # fmt: skip
     rate, check = result.null.get("null"), result.null.get("check")
     note = ""
     if rate:
-        note = f"Simulated nulls: {rate['rang']} of {rate['trials']} ring at {number(rate['alpha'])}"
-        note += f" {_interval(rate['ci'])}."
+        note = f"Alarms in {rate['trials']} simulated records without an effect at level {number(rate['alpha'])}: "
+        note += f"{rate['rang']}, rate {_interval(rate['ci'])}."
     if check:
-        note += f" {check['law']} at its d_90: {check['rang']} of {check['trials']} ring {_interval(check['ci'])}."
-    return _table("Smallest effect this record would have shown with 90 %", rows, columns, note)
+        note += (
+            f" In {check['trials']} with {check['law']} at its d_90: {check['rang']}, rate {_interval(check['ci'])}."
+        )
+    return _table("Smallest effect that this record detects with 90 % probability", rows, columns, note)
 
 
 def _numerical(certificate):
     """Line on the error of the model that was fitted, if the problem states one."""
     if certificate.get("sigma") is None:
         return ""
-    holds = "holds" if certificate["sigma"] < MOST_NUMERICAL else "DOES NOT HOLD"
-    text = f"Numerical error of the fitted model: {number(certificate['sigma'], 2)} sigma, {MOST_NUMERICAL} allowed"
+    holds = "passed" if certificate["sigma"] < MOST_NUMERICAL else "FAILED"
+    text = f"Numerical error of the fitted model: {number(certificate['sigma'], 2)} sigma, limit {MOST_NUMERICAL} sigma"
     engines = f" ({escape.escape(certificate['engines'])})" if "engines" in certificate else ""
     return f"<p>{text}: {holds}{engines}.</p>"
 
 
 def html(result, figures):
     """Page of a `Result`; pictures in the order of `figures`."""
-    title = f"Trace of {result.problem}: {result.verdict}"
+    title = f"Trace of {result.problem}: verdict {result.verdict}"
     parts = [f"<h1>{escape.escape(title)}</h1>", f"<p><b>{escape.escape(result.sentence)}</b></p>"]
     parts.append(_numerical(result.certificates.get("numerical") or {}))
     if result.notes:
@@ -191,8 +203,8 @@ def html(result, figures):
     parts += [picture_html(figure, caption) for caption, figure in figures.values()]
     parts += [section(result) for section in (_next, _models, _alarms, _nuisances, _power_table)]
     for head, data in (
-        ("What is known about the rest", result.unexplained),
-        ("Discovery", result.discovery),
+        ("The unexplained remainder", result.unexplained),
+        ("Discovery of laws beyond the catalogue", result.discovery),
         ("Certificates", result.certificates),
         ("Hashes and options", {"hashes": result.hashes, "options": result.options}),
     ):

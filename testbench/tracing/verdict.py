@@ -76,7 +76,9 @@ def nuisance_notes(fit):
         nuisance, value = fit.model.problem.nuisances[j], fit.point.theta[j]
         unit = nuisance.unit if nuisance.unit != "1" else ""
         away = abs(value - nuisance.value) / nuisance.prior_sd
-        out.append(f"{f'{nuisance.name} = {value:.8g} {unit}'.strip()}: {away:.3g} sds of its prior away from it")
+        out.append(
+            f"{f'{nuisance.name} = {value:.8g} {unit}'.strip()}: {away:.3g} prior standard deviations from its prior"
+        )
     return out
 
 
@@ -93,10 +95,10 @@ def naming_obstacle(problem, converged):
         return "the calibration has not converged"
     certificate = problem.numerical_certificate or {}
     if "failed" in certificate:
-        return f"the exact engine cannot be run there ({certificate['failed']})"
+        return f"the exact engine does not confirm the fitted point ({certificate['failed']})"
     numerical = certificate.get("sigma")
     if numerical is not None and not numerical < MOST_NUMERICAL:
-        return f"numerical error of the engine {numerical:.3g} sigma, {MOST_NUMERICAL} allowed"
+        return f"the numerical error of the engine is {numerical:.3g} sigma, limit {MOST_NUMERICAL} sigma"
     return ""
 
 
@@ -107,7 +109,7 @@ def unsupported_law_reason(problem, fit):
         if why := problem.insufficient_data_reason(law.name):
             return why
         if d < problem.least_d:
-            return f"{d:.2g} sigmas of {law.name} are left beside the priors, {problem.least_d:g} needed"
+            return f"{law.name} has only {d:.2g} sigma with all nuisance parameters fitted, {problem.least_d:g} needed"
     return ""
 
 
@@ -125,15 +127,15 @@ def decide_before_search(has_misfit, alarms, noise, p):
         if noise.p < LEVEL:
             return Decision(
                 "noise-model",
-                f"nothing that repeats is missing (p = {p:.2g}); the declared noise is not that of the repeats "
+                f"the repeats have no common misfit (p = {p:.2g}); their noise differs from the declared noise "
                 f"(p = {noise.p:.2g}): {noise.worst}" + (f"; largest jump: {noise.jump}" if noise.jump else ""),
             )
         return Decision(
             "noise-model",
-            f"the declared noise does not cover the misfit (p = {declared:.2g}), but the repeats do not show that it "
-            f"repeats (p = {p:.2g}): more repeats would tell",
+            f"the misfit exceeds the declared noise (p = {declared:.2g}), but the repeats do not show that it is the "
+            f"same in all of them (p = {p:.2g}); more repeats would decide",
         )
-    return Decision("none", f"no misfit beyond the noise (p = {p:.2g})")
+    return Decision("none", f"no misfit above the noise (p = {p:.2g})")
 
 
 def with_heldout(decision, heldout_result, alpha, n_traces):
@@ -148,7 +150,9 @@ def with_heldout(decision, heldout_result, alpha, n_traces):
         else f"chi2 / rows {last:.3g}, limit {heldout_result.limit:.3g}, p = {p:.2g}"
     )
     return Decision(
-        "unexplained", f"no alarm where fitted, but held-out data disagree ({chi2_text}): something is missing"
+        "unexplained",
+        f"the fitted data raise no alarm, but the held-out data disagree with the model ({chi2_text}): an effect is "
+        "missing",
     )
 
 
@@ -167,46 +171,55 @@ def with_search(search_result, causes, free, evidence, blocked):
         return Decision("noise-model", f"{doubtful}, and {laws} is not confirmed by held-out data")
     if search_result.dropped:
         return Decision(
-            "unexplained", f"something is missing; {laws} fits best, but all data together do not bear it out"
+            "unexplained",
+            f"the model lacks an effect; {laws} fits best, but fitted and held-out data together do not support it",
         )
     if not best:
-        what = (
-            f"something is missing, or noise larger than declared ({doubtful})" if doubtful else "something is missing"
-        )
-        return Decision("unexplained", f"{what}, and no law that was tried explains it")
+        what = f", or the noise is larger than declared ({doubtful})" if doubtful else ""
+        return Decision("unexplained", f"the model lacks an effect{what}; none of the laws tried explains the misfit")
     if blocked:
-        return Decision("unexplained", f"{blocked}: {laws} explains a part, and is not named")
+        return Decision("unexplained", f"{laws} explains a part of the misfit, but it is not named: {blocked}")
     if not search_result.adequate:
-        return Decision("unexplained", f"{laws} explains a part; the rest is not explained by the laws tried")
+        return Decision(
+            "unexplained", f"{laws} explains a part of the misfit; none of the laws tried explains the remainder"
+        )
     minor = corrections(search_result.fit(best))
     if minor:
-        what = f"{', '.join(minor)} may only correct the shape of a law outside"
-        return Decision("unexplained", f"{laws} explains a part: {what}")
+        what = f"{', '.join(minor)} may only correct the shape of a law that was not tried"
+        return Decision("unexplained", f"{laws} explains a part of the misfit; {what}")
     if evidence.chosen:
-        what = "held-out data chose it where the set that fits best is refused"
-        return Decision("unexplained", f"{laws} explains it, but {what}: nothing confirms it")
+        what = "held-out data were used to choose it, because the set that fits best is rejected"
+        return Decision("unexplained", f"{laws} explains the misfit, but {what}; no other data confirm it")
     if evidence.imitated > MOST_IMITATED:
         what = f"sets of {len(best)} laws imitate {evidence.imitated:.0%} of the laws that are left out"
-        return Decision("unexplained", f"{laws} explains it, but at this size {what}: none is named")
+        return Decision("unexplained", f"{laws} explains the misfit, but at this effect size {what}; none is named")
     if evidence.untried:
-        what = f"{evidence.untried} sets of laws that come as near were not tried"
-        return Decision("unexplained", f"{laws} explains it, but {what}: its class may be incomplete, none is named")
+        what = f"{evidence.untried} sets of laws that fit about as well were not refitted"
+        return Decision(
+            "unexplained", f"{laws} explains the misfit, but {what}; its class may be incomplete, so none is named"
+        )
     if evidence.unsupported:
-        return Decision("unexplained", f"{laws} explains it, but {evidence.unsupported}: it is not named")
+        return Decision("unexplained", f"{laws} explains the misfit, but {evidence.unsupported}; it is not named")
     if evidence.heldout and evidence.independent and evidence.heldout_odds < LEAST_HELDOUT_ODDS:
-        what = f"ln odds {evidence.heldout_odds:.2g} by held-out data, {LEAST_HELDOUT_ODDS:g} needed"
-        return Decision("unexplained", f"{laws} explains it, but nothing confirms it ({what}): it is not named")
+        what = f"ln odds {evidence.heldout_odds:.2g}, {LEAST_HELDOUT_ODDS:g} needed"
+        return Decision(
+            "unexplained", f"{laws} explains the misfit, but held-out data do not confirm it ({what}); it is not named"
+        )
     if len(causes) > MOST:
-        return Decision("unexplained", f"{laws} explains it, and so do {MOST} other causes or more: no class is named")
+        return Decision(
+            "unexplained", f"{laws} explains the misfit, and so do {MOST} or more other causes; no class is named"
+        )
     names = " or ".join(" + ".join(c.names) for c in causes)
     gauge = [law for law in best if free[law] < LEAST_FREE_D]
-    more = f"; {', '.join(gauge)}: confounded with nuisances that only their priors hold" if gauge else ""
+    more = (
+        f"; {', '.join(gauge)}: confounded with nuisance parameters that only their priors constrain" if gauge else ""
+    )
     if not (evidence.heldout and evidence.independent):
-        caution = f" ({doubtful}: the declared noise is believed)" if doubtful else ""
-        why = "held-out data are of the file that was fitted" if evidence.heldout else "no data were held out"
-        return Decision("candidate", f"{names}; {why}, so nothing confirms it{caution}{more}")
+        caution = f"; {doubtful}" if doubtful else ""
+        why = "the held-out data are from the fitted file" if evidence.heldout else "no data were held out"
+        return Decision("candidate", f"explained by {names}, but not confirmed: {why}{caution}{more}")
     if gauge or len(causes) > 1:
-        alike = ": these data do not tell them apart" if len(causes) > 1 else ""
+        alike = "; these data cannot distinguish them" if len(causes) > 1 else ""
         return Decision("confounded", f"explained by {names}{alike}{more}")
     return Decision(
         "named", f"explained by {laws}, and by none of the other {len(search_result.pool) - len(best)} laws tried"

@@ -6,7 +6,7 @@
 The error of edge n is one number: whatever leaves the chip on that edge (a code, a reference) is late by the same time.
 Rounded  Tc, h and the carrier are exact rationals of the parameters, rounded once
 Not here phase noise close to the carrier (random walk of the edge) and the temperature curve: slow against a tick
-Source   docs/parts/oscillator.md
+Source   docs/plant.md
 """
 
 import math

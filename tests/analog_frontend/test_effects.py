@@ -1,7 +1,6 @@
-"""Effects: off is nothing to the last bit, on is the law on the page, and each has its fingerprint."""
+"""Effects: off is nothing to the last bit, on is the law of its docstring, and each has its fingerprint."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,7 +31,6 @@ W = 2 * math.pi * 11000.0
 MASS = 2.325e-7
 FX = 11002.3
 K = MASS * (2 * math.pi * FX) ** 2
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "effects"
 
 
 @kernel
@@ -266,9 +264,6 @@ def test_every_effect_says_where_what_and_whence():
         assert e.OFF == e.Params()
         assert e.OFF.on == 0
         assert e.__name__.endswith("." + info.name)
-        page = (DOCS / f"{info.name}.md").read_text()
-        assert info.fingerprint.split(":")[0].split(",")[0] in page
-        assert info.port in page
 
 
 def test_impossible_effects_are_refused():

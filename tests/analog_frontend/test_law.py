@@ -156,7 +156,7 @@ def test_a_force_takes_the_mean_of_an_electrode_about_the_first_instant(u, u1, w
 
 def test_zero_coefficient_is_off_and_too_many_are_refused():
     assert law.design([law.parse("force_x = 0.0 x")], MASS, H, W, 25.0).force == 0
-    with pytest.raises(ValueError, match="room for 8"):
+    with pytest.raises(ValueError, match="9 laws are more than the 8 of a plant"):
         law.design([law.parse("force_x = 1.0 x")] * 9, MASS, H, W, 25.0)
 
 

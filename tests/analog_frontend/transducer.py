@@ -12,7 +12,7 @@
 
 Left out   softening of k_y with V_q^2 (an effect: it moves the split), carrier softening (part of the measured f)
 Numbers    + - * / only, and one square root (correctly rounded by IEEE 754)
-Source     docs/parts/transducer.md
+Source     docs/plant.md
 """
 
 import math

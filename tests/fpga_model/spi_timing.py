@@ -1,4 +1,4 @@
-"""Pin timing of the DAC masters against the data sheets (docs/parts/dac_serial.md says which limits are confirmed)."""
+"""Pin timing of the DAC masters against the data sheets; analog_frontend/parts/dac_serial.py says what is confirmed."""
 
 from fractions import Fraction
 
@@ -10,7 +10,7 @@ SENSE_PERIOD_CYCLES = TICK_CYCLES
 QUADRATURE_PERIOD_CYCLES = 2 * TICK_CYCLES
 
 
-# name: ns, least, from the data sheets (docs/parts/dac_serial.md says which are confirmed)
+# name: ns, least, from the data sheets (analog_frontend/parts/dac_serial.py says which are confirmed)
 DAC8811_LIMITS_NS = {
     "SCLK period": 20,
     "SCLK high": 10,

@@ -34,7 +34,7 @@ def test_without_a_home_kernels_are_kept_in_a_private_folder_and_one_line_says_s
     found, said = shown(tmp_path)
     assert found == [str(private(tmp_path) / "ftr-gyro"), "True", str(private(tmp_path))]
     assert stat.S_IMODE(private(tmp_path).stat().st_mode) == 0o700
-    assert said == f"gyro: no home that can be written: compiled kernels are kept in {private(tmp_path)}; {ADVICE}\n"
+    assert said == f"gyro: no writable home folder: compiled kernels are stored in {private(tmp_path)}; {ADVICE}\n"
     # a child inherits the folder and says nothing
     assert shown(tmp_path, GYRO_CACHE=found[2])[1] == ""
 
@@ -56,7 +56,8 @@ def test_where_the_private_folder_is_none_each_process_compiles(tmp_path):
     private(tmp_path).write_text("")
     found, said = shown(tmp_path)
     assert found == ["None", "False", "None"]
-    assert said == f"gyro: no home that can be written: each process compiles its kernels again; {ADVICE}\n"
+    told = "kernels are not stored, so each process compiles them"
+    assert said == f"gyro: no writable home folder: {told}; {ADVICE}\n"
 
 
 def test_a_folder_of_another_user_is_not_used(tmp_path):

@@ -1,6 +1,6 @@
 """The vectoring CORDIC: every register at every clock, and magnitude and phase against their derived bounds.
 
-The bounds of docs/blocks/cordic.md, for a vector of length r (input LSB), n rotations and g guard bits:
+The bounds, for a vector of length r (input LSB), n rotations and g guard bits:
 
     E          = sqrt(1/2) * sum over k = 1 .. n-1 of prod over j > k of sqrt(1 + 4**-j)    drift of (x, y), guard LSB
     turned(r)  = sum over k = 1 .. n-1 of asin(sqrt(1/2) / (2**g*r*G[k+1] - E))             angle those steps lose, rad
@@ -166,7 +166,7 @@ def test_header_states_formats_and_latency():
     }.items():  # fmt: skip
         assert f"{names} {fmt}" in text
     assert f"Latency {cordic.LATENCY} clocks" in text
-    assert sum(fmt.width for fmt in cordic.STATE_FMT) == 154, "docs/blocks/cordic.md: register bits"
+    assert sum(fmt.width for fmt in cordic.STATE_FMT) == 154
 
 
 # Registers ----------------------------------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def test_registers_stay_in_their_formats(solved):
     _, _, seen, _, _ = solved
     for fmt, lowest, highest in zip(cordic.STATE_FMT, *seen.tolist(), strict=True):
         assert fmt.lo <= lowest <= highest <= fmt.hi
-    assert seen[1, 6] == 19_535_983, "docs/blocks/cordic.md: full scale on both axes"
+    assert seen[1, 6] == 19_535_983, "full scale on both axes"
 
 
 # Results ------------------------------------------------------------------------------------------------------------
@@ -214,14 +214,14 @@ def test_registers_stay_in_their_formats(solved):
 def test_magnitude_within_its_bound(solved):
     _, out, _, r, _ = solved
     assert np.all(np.abs(out[:, 0] - r * float(cordic.gain())) <= magnitude_bound_lsb(r))
-    assert magnitude_bound_lsb(1.0) < 0.57, "docs/blocks/cordic.md"
+    assert magnitude_bound_lsb(1.0) < 0.57, "header: Error"
 
 
 def test_phase_within_its_bound(solved):
     _, out, _, r, error = solved
     assert np.all(np.abs(error) <= phase_bound_lsb(r))
     assert np.all(out[:, 2] == cordic.LATENCY)
-    assert A_LSB < 0.87, "docs/blocks/cordic.md: A"
+    assert A_LSB < 0.87, "header: A of Error"
 
 
 @pytest.mark.parametrize("d", DESIGNS, ids=lambda d: f"n={d.cordic_iterations}, g={d.cordic_guard_bits}")
@@ -245,8 +245,8 @@ def test_fewer_rotations_and_guard_bits_are_within_their_bounds(d):
 
 def test_phase_bound_is_a_plus_b_over_r():
     b_rad = math.sqrt(0.5) * sum(1 / GAIN[k + 1] for k in range(1, 24)) / 256 + DRIFT / (256 * GAIN[24])
-    assert (round(b_rad, 3), round(DRIFT, 2)) == (0.077, 16.30), "docs/blocks/cordic.md: B and E"
-    assert round(b_rad * LSB_PER_RAD, -3) == 207_000, "docs/blocks/cordic.md: B in LSB"
+    assert (round(b_rad, 3), round(DRIFT, 2)) == (0.077, 16.30), "header: B of Error"
+    assert round(b_rad * LSB_PER_RAD, -3) == 207_000, "B in LSB"
     r = 2.0 ** np.arange(1, 24)
     np.testing.assert_allclose(phase_bound_lsb(r), A_LSB + b_rad / r * LSB_PER_RAD, rtol=0.03)
     # guard bits: what the rotations lose stays well below what half an input LSB may turn the vector by

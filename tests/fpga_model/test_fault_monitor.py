@@ -1,7 +1,7 @@
 """The fault monitor: every register at every clock, each symptom to the frame, and the sticky latch."""
 
 import inspect
-from pathlib import Path
+import re
 
 import pytest
 from hypothesis import given
@@ -11,7 +11,6 @@ from fpga_model import fault_monitor as fm
 from tests import naive
 from tests.fpga_model.records import assert_rows, rows
 
-PAGE = Path(__file__).parents[2] / "docs" / "blocks" / "fault_monitor.md"
 SMALL = fm.Params(over_range=3, stuck=4, drive=2, rate=1, rail=5, top=7)
 flag = st.sampled_from([0, 0, 1])
 code = st.sampled_from([0, 1, -1, 0x7FFEFF, 0x7FFF00, -0x7FFEFF, -0x7FFF00, -(2**23), 2**23 - 1])
@@ -127,7 +126,7 @@ def test_latch_is_sticky_and_a_live_fault_cannot_be_cleared():
     assert run(SMALL, [frame(fresh=0, clear=fm.STALE)])[-1].latch == fm.STALE
 
 
-def test_table_of_the_page():
+def test_table_of_the_header():
     d = {k: v.default for k, v in inspect.signature(fm.design).parameters.items()}
     names = {
         "OVER_RANGE": "over_range_s",
@@ -137,13 +136,17 @@ def test_table_of_the_page():
         "QSC_RAIL": "rail_s",
     }
     p = fm.design()
-    page = PAGE.read_text()
     for name, parameter in names.items():
         frames = getattr(p, parameter.removesuffix("_s"))
         assert any(
-            line.startswith(f"| {name} |") and f"| {1e3 * d[parameter]:g} ms, {frames} frames |" in line
-            for line in page.splitlines()
+            f" {name} " in line and f"  {1e3 * d[parameter]:g} ms, {frames} frames  " in line
+            for line in fm.__doc__.splitlines()
         ), name
+
+
+def test_flags_of_the_header_are_the_bits():
+    listed = re.findall(r"^    (\d) ([A-Z_]+) ", fm.__doc__, re.M)
+    assert [(int(bit), name) for bit, name in listed] == list(enumerate(fm.NAMES))
 
 
 def test_design_refuses_what_its_counters_do_not_hold():

@@ -12,7 +12,7 @@ from testbench.flatten import format_leaves
 from tests.fpga_model import axi_host
 from tests.fpga_model.records import uncompiled
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "blocks" / "host.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "host_port.md"
 PERIOD = 60  # clocks between samples: shorter than a frame, so that few rows have many
 SAMPLE = (0x280, 0x288, 0x290, 0x298)
 
@@ -77,4 +77,4 @@ def test_a_sample_is_of_one_frame_and_what_is_lost_is_told(busy, monkeypatch):
 
 def test_the_page_has_the_cost():
     bits = sum(fmt.width for _, fmt in format_leaves(host_axi.STATE_FMT))
-    assert f"{bits} register bits with AXI4-Lite" in PAGE.read_text()
+    assert f", {bits} with AXI4-Lite" in PAGE.read_text()

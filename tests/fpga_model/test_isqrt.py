@@ -96,4 +96,4 @@ def test_header_states_formats_and_latency():
         assert f"{names} {fmt}" in text
     assert isqrt.STATE_FMT.root == isqrt.STATE_FMT.y
     assert f"Latency {isqrt.LATENCY} clocks" in text
-    assert sum(fmt.width for fmt in isqrt.STATE_FMT) == 87, "docs/blocks/isqrt.md: register bits"
+    assert sum(fmt.width for fmt in isqrt.STATE_FMT) == 87

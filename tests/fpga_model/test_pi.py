@@ -231,13 +231,13 @@ def test_an_accumulator_that_would_lose_an_error_of_one_lsb_is_refused(ki, fract
     if ki == 0 or up * down < 0:
         pi.check_accumulator(p, fraction_bits)
     else:
-        with pytest.raises(ValueError, match=f"is lost in {fraction_bits} fraction bits; the limit is above"):
+        with pytest.raises(ValueError, match=f"to zero in {fraction_bits} fraction bits; ki must be above"):
             pi.check_accumulator(p, fraction_bits)
 
 
 @pytest.mark.parametrize("ki", [4609, 7587, 9000, 40_000, 1 << 20])
 def test_a_narrow_accumulator_changes_the_gain_of_small_errors_alone(ki):
-    """docs/blocks/pi.md: ki of one error is 2/3 to 2 of itself, of many LSB its own; a mean of 0 moves nothing."""
+    """Header of pi: ki of one error is 2/3 to 2 of itself, of many LSB its own; a mean of 0 moves nothing."""
     d, p = DEFAULT._replace(accumulator_fraction_bits=11), pi.Params(0, ki, -(1 << 34), 1 << 34)
     for e in (1, -1, 2, -2, 1000, -1000):
         moved = int(drive(p, [(1, pi.RUN, e, 0)], d=d)[-1, 1]) * 2**13
@@ -265,4 +265,4 @@ def test_header_states_formats_and_latency():
     assert pi.PARAMS_FMT == (pi.COEF, pi.COEF, pi.OUT, pi.OUT)
     assert pi.STATE_FMT == (pi.ACC, pi.ACC, pi.OUT)
     assert f"Latency {pi.LATENCY} clocks" in text
-    assert sum(fmt.width for fmt in pi.STATE_FMT) == 156, "docs/blocks/pi.md: register bits"
+    assert sum(fmt.width for fmt in pi.STATE_FMT) == 156

@@ -1,7 +1,5 @@
 """The register bank: every register at every clock, the map against the whole design, and its page."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +8,6 @@ from fpga_model import agc, fault_monitor, frequency_tracker, rate_loop, registe
 from fpga_model.design_record import DEFAULT
 from tests.fpga_model.records import assert_rows, raws, rows
 
-PAGE = Path(__file__).parents[2] / "docs" / "blocks" / "registers.md"
 write = st.tuples(
     st.sampled_from([1, 1, 1, 0]),
     st.one_of(st.integers(0, 20), raws(registers.ADDRESS)),
@@ -105,7 +102,3 @@ def test_names_of_bits_are_those_of_the_blocks():
     for k, name in enumerate(sequencer.STATES):
         assert getattr(sequencer, name) == k
         assert f"{k} {name}" in registers.BY_NAME["state"].doc
-
-
-def test_page_carries_the_map():
-    assert registers.table_markdown() in PAGE.read_text()

@@ -17,7 +17,7 @@ import sys
 import time
 from pathlib import Path
 
-from testbench.console.markdown import ROOT, replace_part
+from testbench.console.markdown import ROOT
 from testbench.storage.files import write_text
 from tests.sealed import again, draw, ledger, score, sheet_size, strata
 from tests.sealed.bank import Bank, Space
@@ -96,7 +96,7 @@ def main(argv=None):
     parser.add_argument("--kept", action="store_true", help="development: only effects whose column is in its file")
     parser.add_argument("--wide", action="store_true", help="trace again with the priors of a data sheet")
     parser.add_argument("--keep", action="store_true", help="write what was counted into tests/sealed/going.jsonl")
-    parser.add_argument("--page", action="store_true", help="write the rates into docs/sealed.md too")
+    parser.add_argument("--page", action="store_true", help="publish the run: the site shows its rates")
     given = parser.parse_args(argv)
     if given.kept and given.kind == ledger.SEALED:
         parser.error("--kept is for development: a sealed run draws from all effects")
@@ -131,8 +131,6 @@ def main(argv=None):
         write_text(SCORED if given.page else GOING, score.kept(own, rows, wide))
     if given.page:
         GOING.unlink(missing_ok=True)
-        page = ROOT / "docs" / "sealed.md"
-        write_text(page, replace_part(page.read_text(), "sealed", text))
     return int(whole and any(holds is False for *_, holds in score.criteria(rows)))
 
 

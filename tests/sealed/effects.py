@@ -2,7 +2,7 @@
 
     inside   laws of catalogue and grammar, as the tracer lists them; the catalogue's from the equations of its pages
     outside  mechanisms of tests/sealed/plant/laws.h, which neither has
-Source    docs/effects/README.md, docs/sealed.md
+Source    docs/effects.md, docs/sealed.md
 """
 
 import math

@@ -91,7 +91,7 @@ def test_a_record_that_differs_is_reported():
         (lambda text: text.replace('"redrawn":0', '"redrawn":1', 1), "sha256 differs from that of the content"),
         (lambda text: "{}", "sha256 differs from that of the content"),
         (lambda text: "[]", "content: Input should be a valid dictionary"),
-        (lambda text: text[:-100], "is no JSON that can be read"),
+        (lambda text: text[:-100], "is not a readable JSON"),
     ],
 )
 def test_a_wrong_file_is_one_error(tmp_path, monkeypatch, capsys, edit, message):

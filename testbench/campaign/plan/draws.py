@@ -75,9 +75,9 @@ class Spec:
         if isinstance(value, dict):
             self._read(value)
         elif not isinstance(value, list):
-            self._fail(f"= {short_toml(value)} is no list of values; forms: {', '.join(FORMS)}")
+            self._fail(f"= {short_toml(value)} is not a list of values; forms: {', '.join(FORMS)}")
         elif not value:
-            self._fail("= [] has no values; an axis needs one at least")
+            self._fail("= [] has no values; an axis needs at least one")
 
     def _fail(self, text):
         raise ConfigError(f"{self.where} {text}")
@@ -86,9 +86,9 @@ class Spec:
         forms = [key for key in value if key in FORMS]
         other = [key for key in value if key not in (*FORMS, "limits")]
         if other:
-            self._fail(f"= {short_toml(value)}: {other[0]} is none of {', '.join(FORMS)}, limits")
+            self._fail(f"= {short_toml(value)}: {other[0]} is not one of {', '.join(FORMS)}, limits")
         if len(forms) != 1:
-            self._fail(f"= {short_toml(value)}: give one of {', '.join(FORMS)}")
+            self._fail(f"= {short_toml(value)}: give exactly one of {', '.join(FORMS)}")
         self.form = forms[0]
         self.numbers = value[self.form]
         argument_counts = (2, 3) if self.form == "range" else (3,) if self.form.endswith("space") else (2,)
@@ -133,9 +133,9 @@ class Spec:
     def _check_limits(self, value):
         limits = value["limits"]
         if self.form not in DRAWN:
-            self._fail(f"= {short_toml(value)}: limits belong to draws ({', '.join(DRAWN)})")
+            self._fail(f"= {short_toml(value)}: limits apply to draws only ({', '.join(DRAWN)})")
         if not isinstance(limits, list) or len(limits) != 2:
-            self._fail(f"= {short_toml(value)}: limits are [low, high]")
+            self._fail(f"= {short_toml(value)}: limits must be a list [low, high]")
         for number in limits:
             self._check_number(number, value, False)
         self.limits = limits
@@ -168,6 +168,6 @@ class Spec:
         out = [draw_value(self.form, a, b, seed, self.path, k, self.limits) for k in range(count)]
         if None in out:
             self._fail(
-                f"= {self.form} {short_toml(self.numbers)} does not fall within limits {short_toml(self.limits)}"
+                f"= {self.form} {short_toml(self.numbers)} gave no value within limits {short_toml(self.limits)}"
             )
         return out

@@ -67,7 +67,7 @@ def parse_options(texts):
         if not option_match:
             raise ConfigError(f"--engine: {text!r} is not of the form NAME=package.module:OBJECT")
         if option_match[1] in ENGINES or option_match[1] in out:
-            raise ConfigError(f"--engine: {text!r}: the name {option_match[1]} is taken; choose another one")
+            raise ConfigError(f"--engine: {text!r}: the name {option_match[1]} is already used; choose another one")
         out[option_match[1]] = option_match[2]
     return out
 
@@ -91,8 +91,8 @@ def find(name, extra_locations, where):
         return location_by_name[name]
     if ":" in name:
         quoted = next((f'"{candidate}"' for candidate, location in location_by_name.items() if location == name), None)
-        hint = quoted or f"a name there, and give --engine NAME={name}"
-        raise ConfigError(f"{where} = {name!r}: no file can name code that would run here; write {hint}")
+        hint = quoted or f"a name, and give the option --engine NAME={name}"
+        raise ConfigError(f"{where} = {name!r}: a plan cannot name code to run; write {hint}")
     names = [*ENGINES, *location_by_name]
     matches = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {matches[0]}?" if matches else f"known: {', '.join(names)}; the option --engine adds one"
@@ -102,7 +102,7 @@ def find(name, extra_locations, where):
 def permit(engine, extra_locations, where):
     """ConfigError unless the engine that a point names is ours, of the option or installed."""
     if engine not in ENGINES and engine not in extra_locations.values() and engine not in _installed_engines().values():
-        raise ConfigError(f"{where}: was made by the engine {engine!r}; --engine NAME={engine} runs it")
+        raise ConfigError(f"{where}: was computed by the engine {engine!r}; give --engine NAME={engine} to run it")
 
 
 def load(name):

@@ -84,11 +84,13 @@ def _flat(tree, where):
             raise ConfigError(f"{where} {key} is not of the form section.key, such as plant.fx_hz")
     for path in out:
         if path.startswith("output."):
-            raise ConfigError(f"{where} {path}: a campaign writes its store alone; what is kept stands in [keep]")
+            raise ConfigError(f"{where} {path}: a campaign writes only its store; choose what it stores in [keep]")
         if path == "scenario.engine":
-            raise ConfigError(f"{where} {path}: the plan's own key engine says which one runs")
+            raise ConfigError(
+                f"{where} {path}: the engine of a campaign is the plan's key engine; write it above [set]"
+            )
         if path.startswith("scenario.plant"):
-            raise ConfigError(f"{where} {path}: a campaign has the own plant; its store keeps no library")
+            raise ConfigError(f"{where} {path}: a campaign runs the built-in plant only; remove this key")
     return out
 
 
@@ -164,12 +166,12 @@ def _axes(tree, path, owner_by_key):
     for name, table in tree.items():
         where = f"{path}: [axes.{name}]"
         if not NAME.fullmatch(name) or RESERVED_AXIS_NAME.fullmatch(name) or name in FIELDS or "." in name:
-            raise ConfigError(f"{where} cannot be the name of a dimension")
+            raise ConfigError(f"{where} is not a valid name of an axis; choose another one")
         axis = _axis(name, _table(table, f"{path}: axes.{name}"), where)
         for dotted in axis.values:
             # a case may depart from what [set] says; a list that hides it is a mistake
             if dotted in owner and not (axis.cases and owner[dotted] == SET):
-                raise ConfigError(f"{where} {dotted} is given in {owner[dotted]} already")
+                raise ConfigError(f"{where} {dotted} is already set in {owner[dotted]}")
             owner[dotted] = f"[axes.{name}]"
         axes.append(axis)
     total = math.prod(axis.length for axis in axes)
@@ -182,7 +184,7 @@ def _axes(tree, path, owner_by_key):
 def _integer(table, key, default, lo, where):
     value = table.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < lo:
-        raise ConfigError(f"{where} {key} = {short_toml(value)} is not an integer from {lo} on")
+        raise ConfigError(f"{where} {key} = {short_toml(value)} is not an integer of at least {lo}")
     return value
 
 
@@ -203,11 +205,11 @@ def _axis(name, table, where):
             raise ConfigError(f"{where} count = {length} is above the limit {MOST_VALUES} values")
         lengths = {"count": length} | lengths
     elif not lengths:
-        raise ConfigError(f"{where} draws its values; count = ... says how many")
+        raise ConfigError(f"{where} draws its values without a count; write count = NUMBER")
     length = next(iter(lengths.values()))
     if len(set(lengths.values())) > 1:
         sizes = ", ".join(f"{dotted} {n}" for dotted, n in lengths.items())
-        raise ConfigError(f"{where} has lists of different lengths, which cannot move together: {sizes}")
+        raise ConfigError(f"{where} has lists of different lengths, but needs equal ones: {sizes}")
     if length > MAX_POINTS:
         raise ConfigError(f"{where} has {length} values, above the limit {MAX_POINTS}")
     values = {dotted: spec.values(length, seed) for dotted, spec in specs.items()}
@@ -219,14 +221,14 @@ def _cases(name, table, where):
     cases = table["cases"]
     other = [key for key in table if key != "cases"]
     if other:
-        raise ConfigError(f"{where} has cases and {other[0]}; parameters of cases stand in the cases")
+        raise ConfigError(f"{where} has both cases and {other[0]}; write the parameters into the cases")
     if not isinstance(cases, list) or not cases or not all(isinstance(case, dict) for case in cases):
-        raise ConfigError(f"{where} cases = {short_toml(cases)} is not a list of tables with one at least")
+        raise ConfigError(f"{where} cases = {short_toml(cases)} is not a list of at least one table")
     case_names, rows = [], []
     for k, case in enumerate(cases):
         title = case.get("name")
         if not isinstance(title, str) or not title or title in case_names:
-            raise ConfigError(f"{where} cases[{k}].name = {short_toml(title)} is not a text of its own")
+            raise ConfigError(f"{where} cases[{k}].name = {short_toml(title)} is not a unique text")
         case_names.append(title)
         rows.append(_flat({key: v for key, v in case.items() if key != "name"}, f"{where} cases[{k}]"))
     paths = list(dict.fromkeys(dotted for row in rows for dotted in row))
@@ -257,7 +259,8 @@ def _parse_keep_table(tree, path):
         for kind in kinds:
             if kind not in STATISTICS:
                 raise ConfigError(
-                    f"{path}: [keep.statistics] {column}: {short_toml(kind)} is none; {_hint(kind, STATISTICS)}"
+                    f"{path}: [keep.statistics] {column}: {short_toml(kind)} is not a statistic; "
+                    f"{_hint(kind, STATISTICS)}"
                 )
     tau_s = _taus(tree.get("tau_s", []), where)
     if not tau_s and any("adev" in kinds for kinds in statistics.values()):
@@ -311,7 +314,7 @@ def points(plan):
         out.append(Point(number, index, identity, point_address(identity), engine))
     if len(rates) > 1 and plan.keep.streams:
         text = ", ".join(f"{rate:g}" for rate in sorted(rates))
-        raise ConfigError(f"{plan.source}: [keep.streams]: points of {text} frames a second have no time in common")
+        raise ConfigError(f"{plan.source}: [keep.streams]: points with {text} frames a second have no common time axis")
     return out, states
 
 
@@ -334,7 +337,7 @@ def _check_taus(plan, design):
         ratio = value / step_s
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
             raise ConfigError(
-                f"{plan.source}: [keep] tau_s: {value:g} s is no multiple of {frames} frames of "
+                f"{plan.source}: [keep] tau_s: {value:g} s is not a multiple of {frames} frames of "
                 f"{1e6 / design.frame_hz:g} us ({step_s:g} s)"
             )
 

@@ -113,7 +113,7 @@ def state_path(data, states):
     resume = str(data.config.get("scenario", {}).get("resume", ""))
     digest_match = STATE_NAME.fullmatch(resume)
     if resume and not digest_match:
-        raise FileError(f"point: scenario.resume: {resume[:80]!r} is no hash of a state file")
+        raise FileError(f"point: scenario.resume: {resume[:80]!r} is not the hash of a state file")
     return Path(states) / f"{digest_match[1]}.h5" if digest_match else None
 
 

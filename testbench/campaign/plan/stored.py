@@ -31,7 +31,7 @@ def _check_config_value(item, depth=0):
             _check_config_value(one, depth + 1)
     elif isinstance(item, (int, float)):
         if math.isnan(item) or (isinstance(item, int) and abs(item) > LARGEST):
-            raise ValueError("is no number of a configuration")
+            raise ValueError("is not a number that a configuration can have")
     elif not isinstance(item, (str, type(None))):
         raise ValueError("is nested too deep")
     return item
@@ -78,7 +78,7 @@ def read(path):
     data = inputs.read_json(path, limit=inputs.most_bytes())
     stored = inputs.validate_data(data, _Stored, path)
     if data.pop("sha256", None) not in (None, _plan_digest(data)):
-        raise FileError(f"{path}: is damaged: its checksum does not hold")
+        raise FileError(f"{path}: is damaged: its checksum does not match")
     axes = tuple(plan.Axis(a.name, a.length, a.values, tuple(a.cases)) for a in stored.axes)
     _check(stored, axes, Path(path))
     campaign_plan = plan.Plan(
@@ -90,17 +90,21 @@ def read(path):
 def _check(stored, axes, path):
     """What the schema cannot say: lengths that belong together, names that exist."""
     if stored.name != path.stem:
-        raise FileError(f"{path}: is the plan {stored.name!r}")
+        raise FileError(f"{path}: contains the plan {stored.name!r}, which is not its file name")
     sections = configuration.sections()
     for axis in axes:
         lengths = {len(values) for values in axis.values.values()} | ({len(axis.cases)} if axis.cases else set())
         if lengths != {axis.length}:
-            raise FileError(f"{path}: axis {axis.name}: has {axis.length} places and values for {sorted(lengths)}")
+            raise FileError(
+                f"{path}: axis {axis.name}: has the length {axis.length}, but lists of {sorted(lengths)} values"
+            )
         for dotted in axis.values:
             section, _, key = dotted.partition(".")
             if dotted != plan.ENGINE and not (section in sections and key in sections[section].model_fields):
-                raise FileError(f"{path}: axis {axis.name}: {dotted} is no parameter of this version")
+                raise FileError(f"{path}: axis {axis.name}: {dotted} is not a parameter of this version")
     if len({axis.name for axis in axes}) < len(axes):
         raise FileError(f"{path}: duplicate axis")
     if math.prod(axis.length for axis in axes) != len(stored.points):
-        raise FileError(f"{path}: has {len(stored.points)} points for {math.prod(a.length for a in axes)} places")
+        raise FileError(
+            f"{path}: has {len(stored.points)} points, but its axes have {math.prod(a.length for a in axes)} places"
+        )

@@ -30,7 +30,7 @@ typedef struct {
     double normal, full_steps, adc_offset_v[CHANNELS], steps_per_v[CHANNELS], sensor_v, sensor_v_per_k;
     double h_s, r, e1, e2, e3, s1, s2, s3, inject[6], taylor[3][4][4];
     source force_x, force_y, cv_x, cv_y, drive_dac, sense_dac, jitter, white[CHANNELS], flicker[CHANNELS];
-    /* steady acceleration: electrodes off their middle, docs/effects/acceleration.md */
+    /* steady acceleration: electrodes off their middle, analog_frontend/effects/acceleration.py */
     double two_mismatch, g_m_per_s2, shift_scale, k_vf_n_per_v, softening_n_per_m, push_scale, lead;
     double decay[POLES], gain[POLES], ih4_scale, ih12_scale;
     double z[STATES], volts[2], sums[CHANNELS][3 + POLES]; /* at power-on */

@@ -51,10 +51,10 @@ def top_wrapper_texts(manifest, map_path, top_name=None):
     """
     port_map = design_map.read(map_path, manifest, "pins", top_name)
     if port_map.top == adapter.adapter_name(manifest):
-        raise ConfigError(f"{map_path or '--top'}: top: {port_map.top} is the name of the wrapper; rename yours")
+        raise ConfigError(f"{map_path or '--top'}: top: {port_map.top} is the name of the wrapper; rename your module")
     if port_map.style != "sync":
         raise ConfigError(
-            f"{map_path}: reset.style: {port_map.style!r} is not 'sync': the recordings of top hold resets"
+            f"{map_path}: reset.style: {port_map.style!r} is not 'sync', which the resets in the recordings of top need"
         )
     texts = {"golden_top.v": adapter.verilog(manifest, port_map), "golden_top.vhd": adapter.vhdl(manifest, port_map)}
     return texts | ({"map.toml": Path(map_path).read_text()} if map_path else {})

@@ -191,15 +191,15 @@ def _inside(folder, name):
     """Path of a bundle's file; raises FileError if the name leaves the folder."""
     pure = PurePosixPath(name)
     if not name or pure.is_absolute() or ".." in pure.parts or "\\" in name or ":" in name:
-        raise FileError(f"{folder}: file name {name!r} in {MANIFEST} leaves the bundle")
+        raise FileError(f"{folder}: file name {name!r} in {MANIFEST} is outside the bundle")
     path = folder / name
     try:
         inside = path.resolve().is_relative_to(folder.resolve())
         present = path.is_file()
     except (OSError, RuntimeError, ValueError) as problem:
-        raise FileError(f"{folder}: file name {name[:80]!r} in {MANIFEST} is none: {problem}") from None
+        raise FileError(f"{folder}: file name {name[:80]!r} in {MANIFEST} is not valid: {problem}") from None
     if not inside:
-        raise FileError(f"{folder}: {name} is a link that leaves the bundle")
+        raise FileError(f"{folder}: {name} is a link to a place outside the bundle")
     if not present:
         raise FileError(f"{path}: missing")
     return path
@@ -296,7 +296,7 @@ def verify(folder, strict=True):
         if file_sha256(path) != expected:
             raise FileError(f"{path}: SHA-256 does not match the manifest: the file was changed")
     for path in _unlisted_paths(folder, manifest) if strict else ():
-        raise FileError(f"{path}: is not of this bundle: move it, or keep it in {BUILD}/")
+        raise FileError(f"{path}: is not a file of this bundle; move it elsewhere or into {BUILD}/")
     return manifest
 
 
@@ -326,11 +326,11 @@ def _read_replay(folder, manifest, results):
     words = {name: replayed_words(folder, manifest, name) for name in REPLAYED}
     at, end = np.array(words["at"], np.int64), manifest["frames"] * manifest["frame_cycles"]
     if len(at) and (at[-1] >= end or (np.diff(at) <= 0).any()):
-        raise FileError(f"{folder / 'at.hex'}: the clocks do not rise within 0 .. {end - 1}")
+        raise FileError(f"{folder / 'at.hex'}: the clocks do not strictly increase within 0 .. {end - 1}")
     for name in ("adc", "host"):
         clocks = np.array([word >> (REPLAYED[name][0] - 32) for word in words[name]], np.int64)
         if len(clocks) and (clocks[-1] >= end or (np.diff(clocks) <= 0).any()):
-            raise FileError(f"{folder / name}.hex: the clocks do not rise within 0 .. {end - 1}")
+            raise FileError(f"{folder / name}.hex: the clocks do not strictly increase within 0 .. {end - 1}")
     stim, exp = (
         unpack(_read_hex_words(folder / f"{name}.hex", total(port_entries), manifest["n"]), port_entries)
         for name, port_entries in (("stim", manifest["inputs"]), ("exp", results))

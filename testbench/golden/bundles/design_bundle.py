@@ -144,7 +144,9 @@ def read_bundle_recording(folder, manifest):
         raw = recording.params_from(path, [p.name for p in params], [p.raw for p in params], design)
     except FileError:
         count = len(recording.param_names())
-        raise FileError(f"{path}: params: are not the {count} parameters of this version's design") from None
+        raise FileError(
+            f"{path}: params: are not the {count} parameters of this version's design; export it again"
+        ) from None
     windows = inputs.validate_data(manifest["windows"], list[WindowEntry], path)
     bundle_recording = recording.Recording(
         manifest["case"], raw, manifest["frames"], 1,
@@ -227,7 +229,7 @@ def pin_delays(folder, manifest):
     pins = [p.name for p in build_top_block({}).pins]
     for name, k in clocks.items():
         if name not in pins or not 0 < k <= MOST_CLOCKS or manifest["registers"]:
-            raise FileError(f"{path}: clocks: {name} = {k} is no pin that comes 1 .. {MOST_CLOCKS} clocks later")
+            raise FileError(f"{path}: clocks: {name} = {k} is not a pin that comes 1 .. {MOST_CLOCKS} clocks later")
     return clocks
 
 
@@ -375,7 +377,9 @@ def window(folder, clock, count, out=None):
     folder = Path(folder)
     manifest = bundle.verify(folder)
     if manifest["schema"] != bundle.REPLAY_SCHEMA:
-        raise ConfigError(f"{folder}: has every clock of {manifest['block']} already")
+        raise ConfigError(
+            f"{folder}: already has a row for every clock of {manifest['block']}; give a bundle of the whole design"
+        )
     r = _load_shipped_case(folder, manifest) if "design" not in manifest else read_bundle_recording(folder, manifest)
     end = manifest["frames"] * manifest["frame_cycles"]
     if not 1 <= count <= MAX_WINDOW:
@@ -404,5 +408,5 @@ def _load_shipped_case(folder, manifest):
         raise FileError(f"{folder}: case {manifest['case']!r} is not one of {', '.join(CASES)}")
     r = recording.load(manifest["case"])
     if recording.sha256(r) != manifest["recording_sha256"]:
-        raise FileError(f"{folder}: is of another recording of {r.name} than this version has; export it again")
+        raise FileError(f"{folder}: is of another recording of {r.name} than that of this version; export it again")
     return r

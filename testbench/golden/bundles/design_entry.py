@@ -50,9 +50,12 @@ def manifest_design(path, manifest):
         raise FileError(f"{path}: design: has the keys {', '.join(raw)}, not {', '.join(keys)}")
     values = validate_data(raw, Design, f"{path}: design")
     if raw["dds_bits"] < 2 + raw["sine_address_bits"] + raw["sine_fraction_bits"]:
-        raise FileError(f"{path}: design: dds_bits = {raw['dds_bits']} do not hold quadrant, address and fraction")
+        raise FileError(f"{path}: design: dds_bits = {raw['dds_bits']} is too few for quadrant, address and fraction")
     if raw["sine_bits"] <= raw["sine_address_bits"]:
-        raise FileError(f"{path}: design: sine_bits = {raw['sine_bits']} is not above sine_address_bits")
+        raise FileError(
+            f"{path}: design: sine_bits = {raw['sine_bits']} is not above "
+            f"sine_address_bits = {raw['sine_address_bits']}"
+        )
     if raw["adc_tail_clocks"] == 0:
         raise FileError(f"{path}: design: adc_tail_clocks = 0 is below 1")
     return design_record.Design(*(getattr(values, key) for key in keys))

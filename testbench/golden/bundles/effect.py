@@ -2,7 +2,7 @@
 
     law files, settings -> closed loop from power-on, clocked -> recording -> bundle of the whole design
 
-Source    docs/golden.md (recordings), docs/parts/ports.md
+Source    docs/golden.md (recordings), docs/effects.md
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ def case(laws=(), sets=(), frames=9400):
     if texts:
         values["effects.laws"] = [*values.get("effects.laws", []), *texts]
     if not any(key.startswith("effects.") for key in values):
-        raise ConfigError("no effect: give a law file, or --set effects.NAME=VALUE")
+        raise ConfigError("no effect: give --law FILE, or --set effects.NAME=VALUE")
     row_every = max(1, frames // MOST_ROWS)
     return make_recordings.Case(config=values, firmware=build.firmware, frames=frames, row_every=row_every)
 
@@ -32,7 +32,7 @@ def case(laws=(), sets=(), frames=9400):
 def export(name, recording_case, out, progress=None):
     """Run a case, write its bundle to OUT/top/NAME; (folder, manifest)."""
     if not name.isidentifier():
-        raise ConfigError(f"{name!r} is no name of a case: letters, digits and _")
+        raise ConfigError(f"name: {name!r} is not a valid name of a case; use letters, digits and _")
     r = make_recordings.record_closed_loop(name, recording_case, progress)
     folder = Path(out) / design_bundle.STEM / name
     return folder, design_bundle.write(r._replace(windows=make_recordings.find_windows(r)), folder)

@@ -65,7 +65,7 @@ def _check_manifest_entry(path, key, stored, computed):
         for one, other in zip(stored, computed):
             _check_manifest_entry(path, key, one, other)
         raise FileError(f"{path}: {key}: {len(stored)} entries, this version has {len(computed)}")
-    raise FileError(f"{path}: {key}: {str(stored)[:120]} is not {str(computed)[:120]}, as this version computes it")
+    raise FileError(f"{path}: {key}: is {str(stored)[:120]}, this version computes {str(computed)[:120]}")
 
 
 def manifest_block(path, manifest):
@@ -74,7 +74,7 @@ def manifest_block(path, manifest):
     design = design_entry.manifest_design(path, manifest)
     block = (blocks.BLOCKS if design is None else blocks.design_blocks(design)).get(stem)
     if block is None or (case not in block.cases and design is None):
-        raise FileError(f"{path}: {stem}/{case} is no block and case of this version")
+        raise FileError(f"{path}: {stem}/{case} is not a block and case of this version")
     if case in block.cases:
         return block
     # parameters of a board: what the manifest says, in this version's formats
@@ -108,7 +108,7 @@ def _rewrite_top(old_bundle, path, folder):
     names_design = "design" in old_bundle.manifest
     shipped = recording.load(r.name) if r.name in design_bundle.CASES and not names_design else None
     if shipped is not None and shipped.frames == r.frames and recording.sha256(shipped) != recording.sha256(r):
-        raise FileError(f"{path}: is of another recording of {r.name} than this version has")
+        raise FileError(f"{path}: is of another recording of {r.name} than that of this version")
     clocks = design_bundle.pin_delays(path.parent, old_bundle.manifest)
     design_bundle.write(
         r, folder, old_bundle.at, names_design, design_bundle.bundle_level(old_bundle.manifest), clocks=clocks
@@ -152,7 +152,7 @@ def _check_files(folder, again, stored_hashes, computed_hashes, has_equal_code):
             raise FileError(f"{folder / name}: missing: this version writes it")
         else:
             line = _first_different_line(folder / name, again / name)
-            raise FileError(f"{folder / name}: line {line} is not what the model computes")
+            raise FileError(f"{folder / name}: line {line} differs from what this version writes")
     return skipped_files
 
 

@@ -37,7 +37,7 @@ class Body(Expressions):
 
     def _add_result_kind(self, kind):
         if self.results and self.results[0] != kind:
-            raise Unsupported(f"{self.tree.name}: returns of two kinds")
+            raise Unsupported(f"{self.tree.name}: its results have two kinds")
         self.results.append(kind)
 
     # ---- blocks ------------------------------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ class Body(Expressions):
         """Give a local name a value."""
         local = c_name(name)
         if isinstance(self.env.get(name, value).kind, StaticValue) or self.env.get(name, value).kind != value.kind:
-            raise Unsupported(f"{self.tree.name}: {name} is of two kinds")
+            raise Unsupported(f"{self.tree.name}: {name} has two kinds")
         text = bare(value.text)
         if name in self.declared:
             self.line(f"{local} = {text};")
@@ -176,7 +176,7 @@ class Body(Expressions):
             heads.append(f"const {kind.c_name} *{local}" if aggregate(kind) else f"int64_t {local}")
             unused.append((item.arg, local))
         if not self.write_statements(self.tree.body):
-            raise Unsupported(f"{self.tree.name}: a way through it returns nothing")
+            raise Unsupported(f"{self.tree.name}: a path through it returns nothing")
         result = self.results[0]
         if isinstance(result, StaticValue):
             return Signature(name, kinds, result, "", "")

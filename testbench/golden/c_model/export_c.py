@@ -78,7 +78,9 @@ def export(folder, config=None, fill=None):
     folder, files = Path(folder), c_folder_texts(firmware(config))
     for path in sorted(folder.glob("*/*.[ch]")):
         if path.relative_to(folder).as_posix() not in files:
-            raise ConfigError(f"{path} is not of this model: make would compile it; move it, or name another folder")
+            raise ConfigError(
+                f"{path} is not part of this model, but make would compile it; move it, or choose another folder"
+            )
     with replace_folder(folder, keep=True) as new:
         for name, text in files.items():
             (new / name).parent.mkdir(exist_ok=True)

@@ -119,7 +119,7 @@ class Expressions:
         if node.id in self.env:
             return self.env[node.id]
         if node.id in self.local:
-            raise Unsupported(f"{node.id} is first assigned in one way of an if")
+            raise Unsupported(f"{node.id} is first assigned in only one branch of an if")
         if node.id in self.globals:
             return self.module_value(self.globals[node.id], node.id)
         return Value(StaticValue({"int": int, "abs": abs}[node.id]))
@@ -176,7 +176,7 @@ class Expressions:
             elif isinstance(part, ast.Compare):
                 text = f"({self.test(part)} ? 1 : {text})"
             else:
-                raise Unsupported(f"{ast.unparse(node)} as a number")
+                raise Unsupported(f"{ast.unparse(node)} cannot be used as a number")
         return Value(NUMBER, text)
 
     def _ifexp(self, node):

@@ -134,16 +134,16 @@ class Report(NamedTuple):
             f"  got             {got}",
         ]
         if d.also:
-            lines.append(f"  also there      {', '.join(d.also)}")
+            lines.append(f"  also differing  {', '.join(d.also)}")
         lines += ["  " + line for line in self._rows_before()]
         lines.append("differing rows    " + ", ".join(f"{name} {count}" for name, count in self.differing.items()))
         return "\n".join(lines) + "\n" + self.why()
 
     def why(self):
         """The lines of the diagnosis."""
-        lines = [cause.text() for cause in self.diagnosis] or ["unknown: no cause of the list explains the rows"]
+        lines = [cause.text() for cause in self.diagnosis] or ["unknown: no known fault explains the rows that differ"]
         if self.divergence.is_input:
-            lines = ["none: the design was not given the golden stimulus"]
+            lines = ["none: an input of the design was not given the golden stimulus"]
         return "".join(f"{'diagnosis' if k == 0 else '':18}{line}\n" for k, line in enumerate(lines))
 
     def _rows_before(self):
@@ -174,9 +174,9 @@ def _ports(manifest, kinds):
             except (KeyError, OverflowError, TypeError, ValueError):
                 raise FileError(f"manifest: {kind}: {port!r} is not a port with name and fmt [s, i, f]") from None
             if fmt.width != port.get("width", fmt.width):
-                raise FileError(f"manifest: port {name}: width {port['width']} is not that of format {fmt}")
+                raise FileError(f"manifest: port {name}: width {port['width']} bits differs from the {fmt.width} of format {fmt}")
             if not 0 < fmt.width <= MAX_WIDTH:
-                raise FileError(f"manifest: port {name}: {fmt.width} bits, the limit is {MAX_WIDTH}")
+                raise FileError(f"manifest: port {name}: {fmt.width} bits, the limit is {MAX_WIDTH} bits")
             port_formats[name] = (fmt, reset)
     return port_formats
 
@@ -230,10 +230,12 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         raise FileError(f"log: port {stray_ports[0]} is not in the manifest of {manifest['block']}")
     logged = {name: _as_column(got[name]) for name in fmts if name in got}
     if not set(logged) & set(expected):
-        raise FileError(f"log: no register or output of {manifest['block']}; it has {', '.join(expected)}")
+        raise FileError(
+            f"log: no port is a register or output of {manifest['block']}; name one of {', '.join(expected)}"
+        )
     n = min([manifest["n"], *[len(column.values) for column in logged.values()]])
     if n < 1:
-        raise FileError("log: no rows")
+        raise FileError("log: has no rows")
     golden = {**inputs, **expected}
     counts = {name: (care or {}).get(name, np.ones(manifest["n"], bool))[:n] for name in logged}
     wrong = {name: counts[name] & (~c.valid[:n] | (c.values[:n] != golden[name][:n])) for name, c in logged.items()}
@@ -294,7 +296,10 @@ def compare_bundle(golden, got, before=BEFORE, comparison=None):
     """
     manifest = golden.manifest
     if manifest["block"] == "top":
-        raise FileError("top: its rows are apart; compare the whole design with its own bench: make -C FOLDER check")
+        raise FileError(
+            "top: rows of this bundle are not consecutive clocks, so a log cannot be compared; "
+            "run its bench: make -C FOLDER check"
+        )
     names = [port["name"] for port in manifest["inputs"]]
     results = [port["name"] for port in manifest["registers"] + manifest["outputs"]]
     care = golden.mask != 0 if comparison is None else comparison.care

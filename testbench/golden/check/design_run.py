@@ -72,9 +72,12 @@ class Design(NamedTuple):
     def hint(self, missing):
         """What helps where these ports are missing; empty if nothing is known to."""
         no_reset = self.port_map and self.port_map.reset[0] in missing
-        hint_texts = ['a design without a reset has style = "none"'] if no_reset else []
+        hint_texts = ['for a design without a reset set style = "none" in [reset] of the map'] if no_reset else []
         registers = self.level == "registers" and any(name.startswith("r_") for name in missing)
-        return [*hint_texts, *["level registers needs every register, another --level does not"] * registers]
+        return [
+            *hint_texts,
+            *["level registers needs every register as a port; use --level outputs or pins"] * registers,
+        ]
 
 
 def _simulator(sim, languages, what):
@@ -102,7 +105,7 @@ def _sources(rtl, block, choice, top):
     usable_sources = [source_set for source_set in source_sets if language in (None, source_set.language)]
     if not usable_sources:
         file_hint = {None: f"{block}.v, .sv or .vhd", "verilog": f"{block}.v or .sv", "vhdl": f"{block}.vhd"}[language]
-        hint = f", nor {top}, and no --files list" if top else ""
+        hint = f", and no file of {top}; list the files with --files" if top else ""
         raise FileError(
             f"{choice.files or rtl}: no design for {choice.sim or 'any simulator'}: there is no {file_hint}{hint}"
         )

@@ -202,7 +202,7 @@ def _first_row_causes(rows, search):
             # where most are not reset, it is not a register that lacks its reset
             if 2 * len(rows.undefined_registers) <= len(search.net.reset) or len(rows.undefined_registers) == 1:
                 # a branch before the reset gives the same
-                yield Cause("no_reset", name, 0.5, "unknown behind the reset")
+                yield Cause("no_reset", name, 0.5, "unknown after the reset")
         elif name not in search.faulty and rows.care[name][0] and value != rows.expected[name][0]:
             # one that is never repeated may also be missing; one that is, is right there
             yield Cause("reset", name, 0.5, f"{value} for {rows.expected[name][0]}")

@@ -128,7 +128,7 @@ class _Reader:
             raise ValueError(what)
 
     def section(self, tag, zeros=4):
-        self.require(self.take(4) == tag.encode() + b"\0", f"section {tag} is not where it should be")
+        self.require(self.take(4) == tag.encode() + b"\0", f"section {tag} is missing at this place")
         self.require(not any(self.take(zeros)), f"the head of section {tag} is not zero")
 
 
@@ -143,7 +143,7 @@ def _strings(r):
             text.append(r.byte())
         out.append(shared_prefix + text.decode("latin-1"))
         length = r.read_unsigned(bits=5)
-        r.require(length <= len(out[-1]), "a string is longer than its source")
+        r.require(length <= len(out[-1]), "a string repeats more characters than the string before it has")
         shared_prefix = out[-1][:length]
     r.require(r.take(4) == b"EOS\0", "section STR has no end")
     return out
@@ -161,7 +161,7 @@ def _range(r):
         r.take(16)
         return 0
     else:
-        raise ValueError(f"a range of kind {kind}")
+        raise ValueError(f"a range is of the unknown kind {kind}")
     return max(0, (start - stop if down else stop - start) + 1)
 
 
@@ -177,7 +177,7 @@ def _read_bounds(r, kind):
 
 def _read_type_reference(r, types):
     number = r.read_unsigned()
-    r.require(0 < number < len(types), f"type {number} is not known")
+    r.require(0 < number < len(types), f"type number {number} is unknown")
     return types[number]
 
 
@@ -218,7 +218,7 @@ def _types(r, strings):
         elif kind in (SUB_OPEN_ARRAY, SUB_OPEN_RECORD):
             out.append(earlier())
         else:
-            raise ValueError(f"type {name} is of kind {kind}")
+            raise ValueError(f"type {name} is of the unknown kind {kind}")
     r.require(r.byte() == 0, "section TYP has no end")
     return out
 
@@ -262,7 +262,7 @@ def _hierarchy(r, strings, types):
         if kind == 0:
             break
         if kind == END:
-            r.require(scopes, "a scope ends that did not begin")
+            r.require(scopes, "the end of a scope has no begin")
             scopes.pop()
             continue
         name = strings[r.read_unsigned()]
@@ -272,18 +272,21 @@ def _hierarchy(r, strings, types):
             scopes.append(name)
         elif kind == FOR:
             scalar = _read_type_reference(r, types)
-            r.require(isinstance(scalar, Scalar), "a loop over what is no scalar")
+            r.require(isinstance(scalar, Scalar), "the index of a generate loop is not a scalar")
             scopes.append(f"{name}({_read_scalar(r, scalar.kind)})")
         elif SIGNAL <= kind <= LAST_PORT:
             signal_type = _read_type_reference(r, types)
             r.require(not _is_open(signal_type), f"signal {name} has no bounds")
-            r.require(signal_type.count <= len(r.data) - r.at, f"signal {name} has {signal_type.count} elements")
+            r.require(
+                signal_type.count <= len(r.data) - r.at,
+                f"signal {name} has {signal_type.count} elements, more than the file holds",
+            )
             numbers = tuple(r.read_unsigned() for _ in range(signal_type.count))
             stored.update(zip(numbers, _scalars(signal_type)))
             path = ".".join([*scopes, name])
             signals.update((leaf, (scalar, part)) for leaf, scalar, part in leaf_signals(path, signal_type, numbers))
         else:
-            raise ValueError(f"{name} is of kind {kind} in the hierarchy")
+            raise ValueError(f"{name} is of the unknown kind {kind} in the hierarchy")
     r.require(not scopes, "a scope does not end")
     r.require(sorted(stored) == list(range(1, len(stored) + 1)), "the numbers of the signals have gaps")
     r.section("EOH", 0)
@@ -332,7 +335,7 @@ def _changes(r, stored, watched):
         elif tag == b"DIR\0":
             break
         else:
-            raise ValueError("neither a snapshot nor cycles")
+            raise ValueError("a section is neither a snapshot nor cycles")
     _directory(r, sections)
 
 
@@ -358,7 +361,9 @@ def _columns(r, signals, stored, signal_paths):
             watched.setdefault(number, []).append((path, element_index))
     before = None
     for time, path, element_index, value in _changes(r, stored, watched):
-        r.require((before is None or time >= before) and abs(time) < MOST_TIME, "time runs backwards, or too far")
+        r.require(
+            (before is None or time >= before) and abs(time) < MOST_TIME, "the time decreases, or exceeds the limit"
+        )
         before = time
         scalar = signals[path][0]
         r.require(not scalar.literals or value < len(scalar.literals), f"{path} has a value that its type lacks")

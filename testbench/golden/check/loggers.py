@@ -30,7 +30,7 @@ def _check_manifest_names(manifest):
     names += [p["name"] for p in manifest.get("params", [])] + [name for name, _ in rtl_parameters(manifest)]
     for name in names:
         if not NAME.fullmatch(str(name)):
-            raise FileError(f"manifest: {name!r} is no name of a port, a parameter or a block")
+            raise FileError(f"manifest: {name!r} is not a valid name of a port, a parameter or a block")
     if [p["name"] for p in manifest["inputs"]][:1] != ["rst"]:
         raise FileError("manifest: the first input is not rst")
 

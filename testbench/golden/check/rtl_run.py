@@ -54,7 +54,7 @@ PORT_MESSAGE_PATTERNS = (
     (r"log\.vhd:(?P<line>\d+):\d+: only 'in' ports may be associated with expression", "output"),
     (r"%Warning-UNDRIVEN: \S+ Signal is not driven: '(?:d_)?(?P<port>\w+)'", "undriven"),
 )
-UNDRIVEN = "is driven by nothing: the design has an input of this name, or does not assign it"
+UNDRIVEN = "has no driver: the design declares it as an input, or does not assign it"
 
 
 class Runner:
@@ -130,15 +130,15 @@ def _complaints(tool_output, texts, manifest, design):
                 kind = "no parameter"
             out[port] = {
                 "width": f"port {port} has {words.get('has')} bits, {design.interface_source} has {widths.get(port)}",
-                "vhdl width": f"port {port} is not of the {widths.get(port)} bits of {design.interface_source}",
-                "vhdl type": f"{port} has another type than {design.interface_source} says: `type` of its entry",
+                "vhdl width": f"port {port} does not have the {widths.get(port)} bits of {design.interface_source}",
+                "vhdl type": f"{port} has another type than {design.interface_source} says; set `type` in its entry",
                 "absent": f"port {port} is missing",
-                "no module": f"no module or entity {port}: --top, or top of a map, names yours",
-                "no parameter": f"parameter {port} is missing: [parameters] of a map lists those that are there",
-                "extra": f"input {port} is not in {design.interface_source} and stays open",
-                "no value": f"parameter {port} is not in {design.interface_source}: "
-                "[constants] of a map gives it a value",
-                "output": f"port {port} is an output, {design.interface_source} has an input",
+                "no module": f"no module or entity {port}; name yours with --top, or with `top` in a map",
+                "no parameter": f"parameter {port} is missing; list those of your design in [parameters] of a map",
+                "extra": f"input {port} is not in {design.interface_source}, so nothing drives it",
+                "no value": f"parameter {port} is not in {design.interface_source}; "
+                "give it a value in [constants] of a map",
+                "output": f"port {port} is an output of the design, but an input in {design.interface_source}",
                 "undriven": f"port {port} {UNDRIVEN}",
             }[kind]
     hint = design.hint([port for port, words in out.items() if words == f"port {port} is missing"])
@@ -149,7 +149,7 @@ def first_lines(tool_output):
     """The lines of a tool's output that tell most: those with an error, else the first."""
     lines = [line.rstrip() for line in tool_output.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line.lower()]
-    return "\n".join(f"  {line}" for line in (errors or lines)[:LINES]) or "  (it said nothing)"
+    return "\n".join(f"  {line}" for line in (errors or lines)[:LINES]) or "  (no output)"
 
 
 def _build(sim, run, ours, design):
@@ -244,7 +244,7 @@ def simulate_columns(folder, stim, design, timeout_s=TIMEOUT_S):
     Raises FileError with one clear message if the design does not build, run or end, ConfigError for a wrong argument.
     """
     if not 0 < timeout_s <= 86400:
-        raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
+        raise ConfigError(f"timeout: {timeout_s} s is not above 0 and at most 86400 s")
     last = design.sources.files[-1]
     with tempfile.TemporaryDirectory(prefix="gyro-check-") as work_folder:
         work_folder = Path(work_folder).resolve()
@@ -288,11 +288,11 @@ def _check_port_activity(columns, comparison, design):
     if any(len(np.unique(columns[n].values[columns[n].valid])) > 1 for n in moves):
         active = design.port_map.reset[1] if design.port_map else 1
         raise FileError(
-            f"{last}: ports change only where rst is active: the reset is of the other polarity; "
-            f"active = {1 - active} in [reset] of a map"
+            f"{last}: ports change only where rst is active: the reset has the other polarity; "
+            f"set active = {1 - active} in [reset] of a map"
         )
     raise FileError(
-        f"{last}: no port changes in {len(golden.exp)} rows: it never leaves reset, has no clock or never starts"
+        f"{last}: no port changes in {len(golden.exp)} rows: the design stays in reset, has no clock or never starts"
     )
 
 
@@ -303,7 +303,7 @@ def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None
     """
     golden = bundle.read(folder)
     if golden.manifest["block"] == "top":
-        raise FileError(f"{folder}: top is run by top_run")
+        raise FileError(f"{folder}: bundle of the whole design; use top_run.check")
     design = design_run.select_design(golden.manifest, rtl, choice or design_run.Choice(sim))
     comparison = comparison_scope.build_scope(golden, design.level, design.style, design.clocks)
     design = design._replace(manifest=comparison.golden.manifest)

@@ -43,14 +43,14 @@ def find_signal(path, signal_index, where):
             name, hi = slice_match[1], int(slice_match[2])
             lo = hi if slice_match[3] is None else int(slice_match[3])
             if hi < lo:
-                raise FileError(f"{where}: slice {path}: {hi} is below {lo}")
+                raise FileError(f"{where}: slice {path}: high bit {hi} is below low bit {lo}")
         else:
             continue
         if signal_index[name] is None:
-            raise FileError(f"{where}: signal {path} is there more than once")
+            raise FileError(f"{where}: duplicate signal {path} in the dump")
         return name, hi, lo
     tail = spelled.rsplit(".", 1)[-1].split("[")[0]
     similar_paths = sorted(name for name in signal_index if name.rsplit(".", 1)[-1] == tail)[:4]
     similar_paths = similar_paths or difflib.get_close_matches(spelled, signal_index, n=2)
-    hint = f"; there is {', '.join(similar_paths)}" if similar_paths else ""
+    hint = f"; similar: {', '.join(similar_paths)}" if similar_paths else ""
     raise FileError(f"{where}: no signal {path}{hint}")

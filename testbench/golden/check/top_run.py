@@ -109,13 +109,13 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     the rows of the frames around the first difference.
     """
     if not 0 < timeout_s <= 86400:
-        raise ConfigError(f"timeout: {timeout_s} s is outside 0 .. 86400 s")
+        raise ConfigError(f"timeout: {timeout_s} s is not above 0 and at most 86400 s")
     manifest = bundle.read(folder).manifest
     level = choice.level or design_bundle.bundle_level(manifest)
     if level not in levels.LEVELS or (level == "registers" and not manifest["registers"]):
         raise ConfigError(f"level: {level!r} is not a level of {folder}")
     if _has_custom_names(choice) and level == "registers":
-        raise ConfigError("--map, --top: the whole design has names of its own at --level pins")
+        raise ConfigError("--map, --top: the whole design may have other port names at --level pins only")
     design = design_run.select_design(manifest, rtl, choice._replace(level=level))
     sim = design.sim
     with tempfile.TemporaryDirectory(prefix="gyro-check-") as work_folder:
@@ -174,5 +174,7 @@ def _compare_window(text, run, bench, sim, rtl, files, level, manifest):
         terms=compare.Terms(level, clock_window.first),
     )
     if report.passed:
-        raise FileError(f"{rtl}: frame {min(frames)} differs in one run of {sim} and not in the next")
+        raise FileError(
+            f"{rtl}: frame {min(frames)} differs in the first run of {sim}, but not in the second: not deterministic"
+        )
     return report

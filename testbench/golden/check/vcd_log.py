@@ -27,7 +27,7 @@ def _split_words(path, file):
         words = (partial_word + block).split()
         partial_word = words.pop() if words and not block[-1:].isspace() else b""
         if len(partial_word) > LONGEST_WORD:
-            raise FileError(f"{path}: a word of more than {LONGEST_WORD} characters")
+            raise FileError(f"{path}: a word has more than {LONGEST_WORD} characters")
         yield from words
     if partial_word:
         yield partial_word
@@ -82,7 +82,7 @@ def _header(path, words):
             name, *variable_attributes = _parse_variable(section_words)
             header_signals.append((".".join([*scopes, name]), tuple(variable_attributes)))
         elif token in ("$scope", "$upscope", "$var"):
-            raise FileError(f"{path}: header: broken {token} {' '.join(section_words)[:40]}")
+            raise FileError(f"{path}: header: malformed {token} {' '.join(section_words)[:40]}")
     raise FileError(f"{path}: is not a VCD file: no $enddefinitions")
 
 
@@ -99,7 +99,7 @@ def read(path, choose):
 
 def _later(path, word, time):
     if not re.fullmatch(r"#\d{1,19}", word) or not time <= int(word[1:]) < MOST_TIME:
-        raise FileError(f"{path}: time {word[:40]} after #{time} is not a later time")
+        raise FileError(f"{path}: time {word[:40]} after #{time} is malformed or earlier")
     return int(word[1:])
 
 

@@ -134,7 +134,7 @@ def _ghw(path, paths):
             signal, hi, lo = find_signal(signal_path, signal_index, path)
             slice_by_path[signal_path] = signal_index[signal], hi, lo
             if not width_by_signal[signal_index[signal]] or width_by_signal[signal_index[signal]] > MOST_WIDTH:
-                raise FileError(f"{path}: signal {signal} is not bits, or more than {MOST_WIDTH}")
+                raise FileError(f"{path}: signal {signal} is not bits, or has more than {MOST_WIDTH}")
         return list(dict.fromkeys(signal for signal, _, _ in slice_by_path.values()))
 
     columns = ghw.read(path, choose)
@@ -162,9 +162,9 @@ def _sample_column(change, at, port, fmt, where):
     """Column of a signal just before the times `at`."""
     times, texts, width, hi, lo = change
     if width > MOST_WIDTH:
-        raise FileError(f"{where}: port {port}: a signal of {width} bits, above the limit {MOST_WIDTH}")
+        raise FileError(f"{where}: port {port}: its signal has {width} bits, above the limit {MOST_WIDTH} bits")
     if hi is not None and hi >= width:
-        raise FileError(f"{where}: port {port}: bit {hi} of a signal of {width} bits")
+        raise FileError(f"{where}: port {port}: bit {hi} of a signal of {width} bits is outside 0 .. {width - 1}")
     selected_bit_count = width if hi is None else hi - lo + 1
     if selected_bit_count != fmt.width:
         raise FileError(f"{where}: port {port}: {selected_bit_count} bits in the dump, {fmt.width} in the manifest")
@@ -185,7 +185,7 @@ def _active_edge_times(change, rising, where):
     """Times of the active edges: from a known level to the other."""
     times, texts, width, _, _ = change
     if width != 1:
-        raise FileError(f"{where}: the clock has {width} bits")
+        raise FileError(f"{where}: the clock has {width} bits, expected 1")
     levels = [text.translate(LEVELS) for text in texts]
     old, new = ("0", "1") if rising else ("1", "0")
     # several changes at one time are delta cycles: only the last one counts
@@ -204,7 +204,7 @@ def _active_edge_times(change, rising, where):
 
 def _from_dump(path, reader, signal_map, fmts):
     if not signal_map.clock:
-        raise FileError(f"{path}: the map has no clock.signal")
+        raise FileError(f"{path}: the map has no clock.signal, which a dump needs")
     signal_paths = [signal_map.clock, *signal_map.ports.values()] + ([signal_map.reset[0]] if signal_map.reset else [])
     changes = reader(path, list(dict.fromkeys(signal_paths)))
     at = _active_edge_times(changes[signal_map.clock], signal_map.rising, path)
@@ -215,11 +215,13 @@ def _from_dump(path, reader, signal_map, fmts):
         free = np.flatnonzero(levels.valid & (levels.values != active))
         free = free[free > asserted[0]] if len(asserted) else free[:0]
         if not len(free):
-            raise FileError(f"{path}: reset {name} is never active and then released at a clock edge")
+            raise FileError(
+                f"{path}: reset {name}: never {active} and later {1 - active} at a clock edge; check reset.active"
+            )
         at = at[free[0] :]
     at = at[signal_map.first_edge :]
     if not len(at):
-        raise FileError(f"{path}: first_edge {signal_map.first_edge} is behind the last clock edge")
+        raise FileError(f"{path}: first_edge {signal_map.first_edge} is after the last clock edge")
     return {port: _sample_column(changes[name], at, port, fmts[port], path) for port, name in signal_map.ports.items()}
 
 
@@ -234,14 +236,14 @@ def _from_csv(path, signal_map, fmts):
     header = [name.strip() for name in rows[0]]
     rows = rows[1 + signal_map.first_edge :]
     if len(set(header)) != len(header):
-        raise FileError(f"{path}: two columns have the same name")
+        raise FileError(f"{path}: duplicate column {max(header, key=header.count)}")
     for n, row in enumerate(rows):
         if len(row) != len(header):
             raise FileError(f"{path}: row {n}: {len(row)} cells, the header has {len(header)}")
     out = {}
     for port, name in signal_map.ports.items():
         if name not in header:
-            raise FileError(f"{path}: no column {name}; there is {', '.join(header[:8])}")
+            raise FileError(f"{path}: no column {name}; columns: {', '.join(header[:8])}")
         k, fmt = header.index(name), fmts[port]
         values, valid_cells = np.zeros(len(rows), np.int64), np.zeros(len(rows), bool)
         for n, row in enumerate(rows):
@@ -269,7 +271,7 @@ def dump_type(path):
     if kind not in READERS:
         raise FileError(f"{path}: the file type {kind or '(none)'} is not .vcd, .fst, .ghw or .csv")
     if content != kind:
-        raise FileError(f"{path}: the content is of a {content} file: give it that ending")
+        raise FileError(f"{path}: the content is that of a {content} file; rename it to end in {content}")
     return kind
 
 
@@ -281,7 +283,7 @@ def read_log(path, signal_map, fmts):
     """
     strange = sorted(set(signal_map.ports) - set(fmts))
     if strange:
-        raise FileError(f"map: port {strange[0]} is not in the manifest; there is {', '.join(list(fmts)[:12])}")
+        raise FileError(f"map: port {strange[0]} is not in the manifest; ports: {', '.join(list(fmts)[:12])}")
     kind = dump_type(path)
     if kind == ".csv":
         return _from_csv(path, signal_map, fmts)

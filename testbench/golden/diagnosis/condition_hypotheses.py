@@ -92,9 +92,7 @@ def _word_bit_hypotheses(net, child, site, build):
                 flag = bit_node(net, word, bit)
                 for text, by in ((f"{word!r}[{bit}]", flag), (f"not {word!r}[{bit}]", net.node("not", (flag,)))):
                     if by is not child:
-                        yield Hypothesis(
-                            "condition", f"{text} in the place of {child!r}", site, build(by), READ_BIT_COST
-                        )
+                        yield Hypothesis("condition", f"{text} instead of {child!r}", site, build(by), READ_BIT_COST)
 
 
 def hypotheses(search, target, inside, picked, wrong):
@@ -193,9 +191,9 @@ def _condition_hypotheses(search, target, site_condition_uses, build, picked, wr
     for value in (0, 1):
         if not np.any(decided & (need != bool(value))):
             yield fault(f"{'always' if value else 'never'} {child!r}", net.const(value), READ_BIT_COST)
-    forms = [(decided, "in the place of", lambda flag: flag)]
+    forms = [(decided, "instead of", lambda flag: flag)]
     if not np.any(need & ~now):
-        forms.append((decided & now, "beside", lambda flag: net.node("land", (child, flag))))
+        forms.append((decided & now, "and", lambda flag: net.node("land", (child, flag))))
     if not np.any(decided & ~need & now):
         forms.append((decided & ~now, "or", lambda flag: net.node("lor", (child, flag))))
     for counts, relation, formed in forms:
@@ -206,9 +204,9 @@ def _condition_hypotheses(search, target, site_condition_uses, build, picked, wr
                 word, bit = search.bits.node_bits[number]
                 flag = bit_node(net, word, bit)
                 if flag is not child:
-                    cost = EXTRA_BIT_COST if relation != "in the place of" else READ_BIT_COST if word in read else FAR
+                    cost = EXTRA_BIT_COST if relation != "instead of" else READ_BIT_COST if word in read else FAR
                     what = f"{way}{word!r}[{bit}] {relation} {child!r}"
                     by = formed(net.node("not", (flag,)) if way else flag)
                     yield fault(what, by, cost, fitted=bool(word.args) or not is_flag(word))
-                    if relation == "in the place of" and is_value(net, uses):
+                    if relation == "instead of" and is_value(net, uses):
                         yield fault(what, by, cost + 1, "operand")

@@ -169,7 +169,7 @@ def _rounding(net, node):
         elif rule != "floor":
             one = net.const(1)
             before = net.node(rule, (x, net.node("sub", (n, one))))
-            yield "rounding", f"{_rule_label(rule)}, to one bit more before", net.node(rule, (before, one)), 0
+            yield "rounding", f"{_rule_label(rule)}, after rounding to one more bit", net.node(rule, (before, one)), 0
 
 
 def _limits(net, node, observed_range):
@@ -185,9 +185,14 @@ def _limits(net, node, observed_range):
                 bounds = (bound, hi) if k == 0 else (lo, bound)
                 yield "limit", f"{name} {sign}1 {unit}", net.node("clamp", (x, *bounds)), 0
                 outside = net.node("gt" if k else "lt", (x, limit))
-                yield "limit", f"{name} {sign}1 {unit}, only as a value", net.node("mux", (outside, bound, node)), 1
+                yield "limit", f"{name} {sign}1 {unit}, only in the result", net.node("mux", (outside, bound, node)), 1
         outside = net.node("gt" if k else "lt", (x, limit))
-        yield "limit", f"beyond {name} to the other one", net.node("mux", (outside, hi if k == 0 else lo, node)), 1
+        yield (
+            "limit",
+            f"beyond {name}, the other limit",
+            net.node("mux", (outside, hi if k == 0 else lo, node)),
+            1,
+        )
         yield "limit", f"no {name}", net.node("mux", (outside, x, node)), 1
     lowest, highest = observed_range(node)
     widths = {least_width(lowest, highest), least_width(lo.lo, hi.hi), least_width(lo.lo, hi.hi) + 1}
@@ -263,7 +268,7 @@ def arithmetic_operands(net, node, k, child, observed_range):
         yield from _narrower_loads(net, child, net.fmts[net.loads[node.id, k]])
     if any(user.op == "sub" and argument_index == 1 for user, argument_index in net.users.get(child.id, ())):
         minus = net.node("add", (child, net.const(1)))
-        yield "complement", f"~{child!r} for its opposite, also where it is compared", minus, 1
+        yield "complement", f"~{child!r} for -{child!r}, also in comparisons", minus, 1
 
 
 def _sign_reinterpretation(net, child):

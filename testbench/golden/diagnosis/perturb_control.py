@@ -209,8 +209,8 @@ def _other_conditions(net, c, cost):
         if e is c:
             continue
         turned = net.node("not", (e,))
-        yield "condition", f"{e!r} in the place of {c!r}", e, cost
-        yield "condition", f"not {e!r} in the place of {c!r}", turned, cost + 1
+        yield "condition", f"{e!r} instead of {c!r}", e, cost
+        yield "condition", f"not {e!r} instead of {c!r}", turned, cost + 1
         yield "condition", f"{c!r} and {e!r}", net.node("land", (c, e)), cost + 1
         yield "condition", f"{c!r} or {e!r}", net.node("lor", (c, e)), cost + 1
         yield "condition", f"{c!r} and not {e!r}", net.node("land", (c, turned)), cost + 1
@@ -227,7 +227,7 @@ def control_operands(net, node, k, child, observed_range):
         yield "condition", f"{child!r} inverted", net.node("not", (child,)), 0
     if condition:
         edge = net.node("land", (child, net.node("not", (net.delayed_node(child),))))
-        yield "condition", f"{child!r} where it was 0 a clock before", edge, 1
+        yield "condition", f"{child!r} only at its rising edge", edge, 1
         odd = net.odd(child)
         yield "condition", f"every second {child!r}", net.node("land", (child, odd)), 1
         yield (
@@ -245,14 +245,14 @@ def control_operands(net, node, k, child, observed_range):
         # in a counter, or compared with a number, it is the same as another number
         doubtful = net.roots[child.value].cone >> node.id & 1 or node.op in (*COMPARED, "table")
         yield "early", f"new {child!r}", net.roots[child.value], 1 if doubtful else 0
-        yield "early", f"new {child!r} but for the reset", net.roots[child.value].args[0].args[2], 1 if doubtful else 0
+        yield "early", f"new {child!r} except in reset", net.roots[child.value].args[0].args[2], 1 if doubtful else 0
     if child.op in ("reg", "in", "param"):
         for other in net.nodes[: net.model_size]:
             is_compatible = (other.op == "param") == (child.op == "param") and is_flag(other) == is_flag(child)
             if other.op in ("reg", "in", "param") and is_compatible and other is not child and not _is_reset(other):
                 is_loaded = other.op == "reg" and other.value == net.loads.get((node.id, k))
                 cause = "limit" if node.op == "clamp" and k else "condition" if condition or is_loaded else "operand"
-                yield cause, f"{other!r} in the place of {child!r}", other, 1
+                yield cause, f"{other!r} instead of {child!r}", other, 1
 
 
 def branches(node):
@@ -296,7 +296,7 @@ def channel_variants(net, node, k, child):
         return
     for other in net.siblings.get((node.id, k), {}).values():
         cause = "condition" if decides(node, k) else "operand"
-        yield cause, f"{other!r} of another channel in the place of {child!r}", other, 1
+        yield cause, f"{other!r} of another channel instead of {child!r}", other, 1
 
 
 def _holds(net, node, child):

@@ -62,7 +62,7 @@ def _load_replacements(net, target, node, loaded):
             for cause, value in loaded:
                 if value is not child:
                     by = with_argument(net, node, k, value)
-                    yield Hypothesis(cause, f"{value!r} in the place of {child!r}", node, by, FAR)
+                    yield Hypothesis(cause, f"{value!r} instead of {child!r}", node, by, FAR)
 
 
 def _replace_branch_value(net, node, old, new):
@@ -232,7 +232,7 @@ def operand_hypotheses(search, target, inside, wrong):
                 ("late", f"{child!r} of the last {flag!r}", net.enabled_register(flag, child, 0)) for flag in enables
             ]
             ways += [
-                ("operand", f"{other!r} in the place of {child!r}", other)
+                ("operand", f"{other!r} instead of {child!r}", other)
                 for other in words
                 if other is not child and abs(net.node_width(other) - net.node_width(child)) <= MOST_WIDTH_DIFFERENCE
             ]

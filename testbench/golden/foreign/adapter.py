@@ -36,7 +36,7 @@ def _port_width(name, port_entries):
     if all(port.hi is None for *_, port in port_entries):
         widths = {port.width for *_, port in port_entries}
         if len(widths) > 1:
-            raise FileError(f"map: port {name} of the design has {' and '.join(map(str, sorted(widths)))} bits")
+            raise FileError(f"map: port {name} of the design has both {' and '.join(map(str, sorted(widths)))} bits")
         return widths.pop()
     return 1 + max(port.hi or 0 for *_, port in port_entries)
 
@@ -234,7 +234,7 @@ def vhdl(manifest, port_map):
         links.append(_Vhdl.link(name, f"d_{name}", width, kind or "std_logic_vector" * sliced, False))
     for name, value in port_map.ties:
         if value not in (0, 1):
-            raise FileError(f"map: [ties] {name}: {value} is not 0 or 1, which a VHDL input of one bit can be")
+            raise FileError(f"map: [ties] {name}: {value} is not 0 or 1, the values of a VHDL input of one bit")
         links.append(f"{name} => '{value}'")
     for name, port_entries in outputs.items():
         width = _port_width(name, port_entries)

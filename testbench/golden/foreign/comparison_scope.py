@@ -52,12 +52,12 @@ def read_latency(path, manifest, level):
         raise FileError(f"{path}: ports: {tree['ports']!r} is not a table of port = clocks")
     latency_by_port, ports = {}, levels.compared_ports(manifest, level)
     if level == "registers" and tree.get("ports"):
-        raise FileError(f"{path}: latency is of level pins or outputs: at level registers every register has its own")
+        raise FileError(f"{path}: [ports]: latencies are for level pins or outputs; level registers allows none")
     for name, clocks in tree.get("ports", {}).items():
         fits = [port for port, p in ports if name in (port, p["name"])]
         if len(fits) != 1:
             raise FileError(
-                f"{path}: [ports]: level {level} judges no port {name}; it judges {', '.join(n for n, _ in ports)}"
+                f"{path}: [ports]: level {level} compares no port {name}; it compares {', '.join(n for n, _ in ports)}"
             )
         if type(clocks) is not int or not 0 <= clocks <= MOST_CLOCKS:
             raise FileError(f"{path}: [ports] {name}: {clocks!r} is not 0 .. {MOST_CLOCKS} clocks")
@@ -71,7 +71,7 @@ def _free(reset):
     edges = np.flatnonzero(np.diff(np.r_[1, reset, 1]))
     begins, ends = edges[::2], edges[1::2]
     if not len(begins):
-        raise FileError("stimulus: resets in every row: a design without a reset cannot be judged")
+        raise FileError("stimulus: every row has a reset, so a design without a reset cannot be compared")
     longest = int(np.argmax(ends - begins))
     return int(begins[longest]), int(ends[longest])
 

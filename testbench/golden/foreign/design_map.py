@@ -96,7 +96,7 @@ class _Reader:
     def require_name(self, where, name, names):
         if name not in names:
             similar = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-            hint = f"did you mean {similar[0]}?" if similar else f"there is {', '.join(list(names)[:12]) or 'none'}"
+            hint = f"did you mean {similar[0]}?" if similar else f"names: {', '.join(list(names)[:12]) or 'none'}"
             self.refuse(f"[{where}]: {self.manifest['block']} has no {name}; {hint}")
 
     def head(self):
@@ -136,7 +136,7 @@ class _Reader:
         hi, lo = (None if k is None else int(k) for k in port_match.groups()[1:])
         lo = hi if lo is None else lo
         if hi is not None and hi < lo:
-            self.refuse(f"{key}: slice {entry['port']}: {hi} is below {lo}")
+            self.refuse(f"{key}: slice {entry['port']}: high bit {hi} is below low bit {lo}")
         bits = entry.get("width", width if hi is None else hi - lo + 1)
         self.require(type(bits) is int and 0 < bits <= MOST_WIDTH, f"{key}: width", bits, f"1 .. {MOST_WIDTH} bits")
         if hi is not None and hi - lo + 1 != bits:
@@ -171,7 +171,7 @@ class _Reader:
         for name, p in levels.compared_ports(self.manifest, level):
             port = self.port(f"[outputs] {name}", entry_by_port.get(name, name), p["width"])
             if not port.name:
-                self.refuse(f'[outputs] {name}: "" maps to nothing; level {level} judges this port')
+                self.refuse(f'[outputs] {name}: "" leaves this port out, but level {level} compares it')
             output_ports.append((name, p, port))
         return tuple(output_ports)
 
@@ -233,7 +233,7 @@ def _check_single_drivers(read, port_map):
     for name, _, port in port_map.outputs:
         if port.name in driven:
             who = next(iter(driven[port.name].values()))
-            read.refuse(f"port {port.name} of the design is an input of {who} and an output, {name}")
+            read.refuse(f"port {port.name} of the design is an input (of {who}) and an output ({name})")
 
 
 def read(path, manifest, level, top=None):

@@ -123,9 +123,11 @@ def check(path, stem, clocks):
         if name in ANSWERS and any(delay_by_pin.values()):
             latest_pin = max(delay_by_pin, key=delay_by_pin.get)
             raise FileError(
-                f"{path}: [ports] {latest_pin}: inputs {' and '.join(ANSWERS[name])} answer it, so recorded rows would "
-                f"come {delay_by_pin[latest_pin]} clocks too early; close the loop instead: gyro golden loop"
+                f"{path}: [ports] {latest_pin}: inputs {' and '.join(ANSWERS[name])} respond to it, so recorded rows "
+                f"would come {delay_by_pin[latest_pin]} clocks too early; use gyro golden loop"
             )
         if len(set(delay_by_pin.values())) > 1:
             pin_delay_text = ", ".join(f"{pin} {delay}" for pin, delay in delay_by_pin.items())
-            raise FileError(f"{path}: [ports]: one chip reads these pins together, with equal clocks: {pin_delay_text}")
+            raise FileError(
+                f"{path}: [ports]: one chip reads these pins together, so their clocks must be equal: {pin_delay_text}"
+            )

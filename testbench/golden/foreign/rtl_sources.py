@@ -62,9 +62,9 @@ class _Lists:
     def read(self, path, enclosing_lists=()):
         path = Path(path)
         if path.resolve() in enclosing_lists:
-            raise FileError(f"{path}: the list names itself")
+            raise FileError(f"{path}: the list includes itself")
         if len(enclosing_lists) == MOST_LISTS:
-            raise FileError(f"{path}: more than {MOST_LISTS} lists, one within the other")
+            raise FileError(f"{path}: lists are nested more than {MOST_LISTS} deep")
         for number, line in read_lines(path):
             words = re.sub(r"(^|\s)(//|#|--\s|--$).*", "", line).split()
             while words:
@@ -79,14 +79,14 @@ class _Lists:
         elif word == "-work" or word.startswith("--work="):
             self.library = words.pop(0) if word == "-work" else word.partition("=")[2]
             if not NAME.fullmatch(self.library):
-                raise FileError(f"{where}: {self.library!r} is no name of a library")
+                raise FileError(f"{where}: {self.library!r} is not a valid library name")
         elif word.startswith(("+incdir+", "-I")):
             include_folders = word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
             self.includes += [self.resolve_path(name, path, where, folder=True) for name in include_folders]
         elif word.startswith(("+define+", "-D")):
             self.defines += word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
         elif word[0] in "+-":
-            raise FileError(f"{where}: {word} is none of +incdir+, +define+, -I, -D, -work, -f")
+            raise FileError(f"{where}: {word} is not one of +incdir+, +define+, -I, -D, -work, -f")
         else:
             source_path = self.resolve_path(word, path, where)
             if source_path.suffix in HEADERS:

@@ -70,7 +70,7 @@ class Plant:
 
     def __init__(self, config, rate_dps=0.0, temp_degc=25.0, firmware=None):
         if config.scenario.host != "bus":
-            raise ConfigError(f'scenario.host = "{config.scenario.host}": this bench writes on the bank\'s bus, "bus"')
+            raise ConfigError(f'scenario.host = "{config.scenario.host}": this bench supports "bus" only')
         self.params = build.params(config, temp_degc, temp_degc)
         self.firmware = firmware or self.params.fpga
         self.design = self.firmware.design

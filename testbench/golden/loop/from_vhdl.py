@@ -52,9 +52,9 @@ def repair_netlist(verilog, vhdl):
 def synthesise_vhdl(vhdl_sources, name, folder, what):
     """Verilog of `rtl_sources.Sources` in VHDL, of the entity `name`: a file in `folder`."""
     if shutil.which("ghdl") is None:
-        raise ConfigError("ghdl: not installed; the loop takes a design in VHDL by its synthesis")
+        raise ConfigError("ghdl: not installed; the loop needs its synthesis for a design in VHDL")
     if name != name.lower():
-        raise FileError(f"{what}: {name}: GHDL writes names in lower case: call the top {name.lower()}")
+        raise FileError(f"{what}: {name}: GHDL writes names in lower case; rename the top to {name.lower()}")
     work_folder = Path(folder).resolve() / "vhdl"
     shutil.rmtree(work_folder, ignore_errors=True)
     work_folder.mkdir(parents=True)

@@ -33,8 +33,8 @@ ANALOG = ("DAC response", "output pole")  # rows of the budget behind the pins
 DETECTION = Path(__file__).with_name("detection.json")
 PASSED, FAILED, OPEN = "pass", "FAIL", "not resolved"
 PASS_CAVEAT_TEXT = (
-    "A PASS does not show: inputs that this scenario does not have; words that no DAC showed; results that round or "
-    "saturate in another way where no code of this run tells. The vectors of the blocks do (gyro golden check)."
+    "A PASS does not cover: inputs outside this scenario; words that reach no DAC; rounding and saturation that no "
+    "code of this run depends on. The vectors of the blocks cover these (gyro golden check)."
 )
 
 
@@ -53,7 +53,10 @@ def pass_caveat():
         f"{kind} {detected} of {planted}" for _, kind, planted, detected in missed if detected < planted
     )
     faults, detection_count = detection_counts["faults"], detection_counts["seen"]
-    return f"{PASS_CAVEAT_TEXT} Of {faults} planted faults a loop of pins saw {detection_count}: {missed_text}."
+    return (
+        f"{PASS_CAVEAT_TEXT} Of {faults} planted faults, a loop that compares pins detected {detection_count}. "
+        f"Kinds of which it missed some: {missed_text}."
+    )
 
 
 class Line(NamedTuple):
@@ -113,8 +116,8 @@ class Verdict(NamedTuple):
         rows = [("", "model", "yours", "difference", "sigma", "limit", "fails 95 %", "budget", "")]
         rows += [
             (
-                f"{line.what} ({line.unit})", f"{line.model:.6g}", f"{line.yours:.6g}", f"{line.difference:+.3g}",
-                f"{line.sigma:.1g}", f"{line.limit:.2g}", f"{line.detectable_deviation:.2g}",
+                f"{line.what.replace(', of', ' /')} ({line.unit})", f"{line.model:.6g}", f"{line.yours:.6g}",
+                f"{line.difference:+.3g}", f"{line.sigma:.1g}", f"{line.limit:.2g}", f"{line.detectable_deviation:.2g}",
                 "" if line.budget is None else f"{line.budget:.4f}", line.verdict,
             )
             for line in self.lines
@@ -123,9 +126,9 @@ class Verdict(NamedTuple):
         lag_clocks_text = ", ".join(f"{name} {count:+.2f}" for name, count in self.clocks.items())
         return "\n".join(
             [
-                f"JUDGED {'PASS' if self.passed else 'FAIL'}, as a board is:",
+                f"JUDGED {'PASS' if self.passed else 'FAIL'} by measurements at the pins, as of a board:",
                 *table_lines,
-                f"Clocks of 26 MHz later than the model: {lag_clocks_text}.",
+                f"Lag behind the model in clocks of 26 MHz: {lag_clocks_text}.",
                 pass_caveat(),
             ]
         )

@@ -227,10 +227,10 @@ def check_ports(face, declared, what):
     for port, (way, width) in required_port_kinds.items():
         if port in declared and declared[port] != (way, width):
             actual_port_text = f"{declared[port][0].lower()}put of {declared[port][1]} bits"
-            raise FileError(f"{what}: port {port}: is an {actual_port_text}, not an {way.lower()}put of {width}")
+            raise FileError(f"{what}: port {port}: is an {actual_port_text}, not an {way.lower()}put of {width} bits")
     undriven = sorted(port for port, (way, _) in declared.items() if way == "IN" and port not in required_port_kinds)
     if undriven:
-        raise FileError(f"{what}: input {', '.join(undriven)} is no pin of the board")
+        raise FileError(f"{what}: input {', '.join(undriven)} is not a pin of the board")
 
 
 def _parse_header_ports(header):
@@ -243,7 +243,7 @@ def sources(rtl):
     """Files of the design in a folder: the parts that are there, then top.v; FileError if it has none."""
     rtl = Path(rtl).resolve()
     if not (rtl / "top.v").is_file():
-        raise FileError(f"{rtl / 'top.v'}: no design: gyro_top is looked for there")
+        raise FileError(f"{rtl / 'top.v'}: no design: this file must hold the module gyro_top")
     return [path for path in (rtl / f"{stem}.v" for stem in (*benches.PARTS["top"], "top")) if path.is_file()]
 
 
@@ -284,9 +284,9 @@ def user_sources(rtl, name, files=None, folder="."):
         return [*(f"-I{path}" for path in source.includes), *(f"-D{text}" for text in source.defines), *source.files]
     paths = sorted(path for path in rtl.glob("*") if path.suffix in SUFFIXES)
     if not paths:
-        hint = "; of VHDL a list (--files) says the order" if [*rtl.glob("*.vhd"), *rtl.glob("*.vhdl")] else ""
+        hint = "; for VHDL list the files in order with --files" if [*rtl.glob("*.vhd"), *rtl.glob("*.vhdl")] else ""
         raise FileError(
-            f"{rtl}: no design: {name} is looked for in its files {' and '.join(f'*{s}' for s in SUFFIXES)}{hint}"
+            f"{rtl}: no design: {name} is expected in files {' and '.join(f'*{s}' for s in SUFFIXES)}{hint}"
         )
     return [f"-I{rtl}", *map(str, paths)]
 

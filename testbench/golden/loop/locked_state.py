@@ -3,7 +3,7 @@
     write_state(sim, rate, folder)   state.bin for `Board::load` of testbench/bench/board.h, state.hex for the registers
     from_state(text)                 Verilog of a board that begins with state.hex
 
-Source  docs/speed.md, docs/blocks/host.md
+Source  docs/speed.md, docs/host_port.md
 """
 
 import numpy as np
@@ -22,17 +22,17 @@ def _check_base_plant(sim):
         "board = digital_sid": p.digital,
         "quadrature_update_khz = 1000": p.quadrature_fast,
         "a notch": p.control.notch,
-        "clocks of one path": p.paths,
+        "extra clocks of one path": p.paths,
         "effects": a.effects.any_force or a.effects.any_cv or a.laws.force or a.laws.cv or a.ring.on,
         "DAC bow or glitch": any(d.bow or d.glitch_v_s for d in (a.drive_dac, a.sense_dac)),
         "INL": any(a.adc.inl),
         "a range of temperatures": a.temp_count != 1,
         "a gyroscope that is not locked": not sim.locked,
-        "a tick that begins no frame": sim.tick % FRAME_TICKS,
+        "a tick that does not begin a frame": sim.tick % FRAME_TICKS,
     }
     for what, is_present in wrong.items():
         if is_present:
-            raise ValueError(f"the plant in C++ leaves out: {what}")
+            raise ValueError(f"the plant in C++ does not support: {what}")
 
 
 def _state_words(sim, rate_rad_s):

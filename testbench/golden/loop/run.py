@@ -99,7 +99,9 @@ class Difference(Exception):
         if len(self.wrong) > MOST_PRINTED:
             lines.append(f"  and {len(self.wrong) - MOST_PRINTED} more")
         preceding_model_values = self.before[:, library.NAMES.index(name)].tolist()
-        lines.append(f"  {name} in the model, up to here: {', '.join(map(str, preceding_model_values))}")
+        lines.append(
+            f"  {name} in the model, clock by clock up to this one: {', '.join(map(str, preceding_model_values))}"
+        )
         return "\n".join(lines)
 
     def to_dict(self):
@@ -247,7 +249,7 @@ class Outcome(NamedTuple):
         return (
             f"PASS {self.rows} rows of {values}, no difference: "
             f"{self.seconds:g} s from power-on in {self.run_s:.1f} s; states {', '.join(self.states)}; "
-            f"{'locked' if self.locked else 'not locked'} at the end; faults seen: {', '.join(self.flags) or 'none'}"
+            f"{'locked' if self.locked else 'not locked'} at the end; fault flags: {', '.join(self.flags) or 'none'}"
             + ("" if self.registers else f"\n{judgement.pass_caveat()}")
         )
 
@@ -311,7 +313,7 @@ def judge_captures(config, firmware, yours, model):
     stretches, *locks = pin_meter.find_plateaus(rates_dps, record, (yours, model), limits)
     if len({s.rate_dps for s in stretches}) < 2 and min(locks) >= 0:
         raise ConfigError(
-            f"scenario.rate_dps: a design is judged at two rates, each kept for {pin_meter.LEAST_S:g} s behind lock"
+            f"scenario.rate_dps: judging a design needs two rates, each held for {pin_meter.LEAST_S:g} s after lock"
         )
     grid = record.tick_clocks if firmware.references.retimed else 1
     run_measurements = [

@@ -51,7 +51,7 @@ def read(path):
     lines = path.read_text().splitlines()
     head = lines[0].split()
     if head[:1] != ["aag"] or len(head) < 6:
-        raise FileError(f"{path}: no AIGER text: {lines[0][:40]!r}")
+        raise FileError(f"{path}: not an AIGER text: {lines[0][:40]!r}")
     _, i, n, o, a = map(int, head[1:6])
     at = np.cumsum([1, i, n, o, a])
 
@@ -64,7 +64,7 @@ def read(path):
     if not (np.array_equal(latches[:, 0], expected[0]) and np.array_equal(ands[:, 0], expected[1])):
         raise FileError(f"{path}: nodes are not in order")
     if a and (ands[:, 1:] >= ands[:, :1]).any():
-        raise FileError(f"{path}: an AND reads one that follows it")
+        raise FileError(f"{path}: an AND gate reads a later node")
     symbols = "\n".join(lines[at[4] :])
     ports = [_parse_port_symbols(symbols, kind) for kind in "io"]
     return Graph(*ports, i, outputs[:, 0], latches[:, 1].copy(), ands[:, 1:].copy())

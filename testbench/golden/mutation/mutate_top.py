@@ -170,7 +170,7 @@ class _Design:
                     mapped_leaves.add(leaf)
                     sources.append(((replay_recording.INPUTS + column, bit, flip), leaf))
         if len(mapped_leaves) < len(graph.latches):
-            raise FileError(f"top.v: {len(graph.latches) - len(mapped_leaves)} of its flip-flops are in no port r_NAME")
+            raise FileError(f"top.v: {len(graph.latches) - len(mapped_leaves)} flip-flops are at no port r_NAME")
         return sources
 
     def chunks(self):
@@ -234,7 +234,8 @@ def _find_killed_faults(design, mutants):
         bad = design.check(rows, pins)
         if bad >= 0:
             raise FileError(
-                f"top/{design.r.name}: the design differs from the model at clock {begin + bad}: it has no score"
+                f"top/{design.r.name}: the design differs from the model at clock {begin + bad}: "
+                "a failing design has no score"
             )
         for number, literal in list(difference_literals.items()):
             if design.find_first_true_row(literal, rows) >= 0:

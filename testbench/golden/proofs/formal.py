@@ -113,7 +113,7 @@ def _design(block, case, rtl, choice):
     if choice.map is not None or choice.top is not None:
         port_map = design_map.read(choice.map, manifest, level, choice.top)
         if port_map.style == "none":
-            raise ConfigError(f"{choice.map}: reset.style: 'none': an induction begins with a reset")
+            raise ConfigError(f"{choice.map}: reset.style: 'none' is not allowed: the induction begins with a reset")
     if choice.files is not None:
         candidate_sources = [rtl_sources.read_source_list(choice.files)]
     else:
@@ -137,7 +137,7 @@ def _top(block, case, checker, design):
     widths = dict(inputs + result_ports)
     for name, width in _checker_ports(checker):
         if widths.get(name) != width:
-            raise FileError(f"{block.stem}: the properties speak of a port {name} of {width} bits; there is none")
+            raise FileError(f"{block.stem}: the properties need a port {name} of {width} bits, which is missing")
 
     def instance_text(module, label, names, parameters):
         values = ", ".join(f".{name}({width}'h{raw:x})" for name, width, raw in parameters)
@@ -183,7 +183,7 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
     Raises ConfigError for a missing tool or an unknown name, FileError for a missing file or what yosys says.
     """
     if shutil.which("yosys") is None:
-        raise ConfigError("yosys: not installed; it holds the solver")
+        raise ConfigError("yosys: not installed; the proofs need its solver")
     if case not in CASES.get(stem, ()):
         raise ConfigError(f"{stem}/{case}: has no proof; known: {', '.join(CASES)}")
     block, checker = blocks.BLOCKS[stem], (PROPERTIES / f"{stem}.v").read_text()
@@ -217,14 +217,14 @@ def prove(stem, case, rtl, only=None, steps=MAX_STEPS, base_only=False, folder=N
             invariant = tried * proven
     level = choice.level or "registers"
     if not tried:
-        raise ConfigError(f"level: no property of {stem} speaks of ports at level {level} alone")
+        raise ConfigError(f"level: no property of {stem} uses only ports of level {level}")
     if why.startswith("no failure") and not base_only and len(tried) > 1:
         # the others may stand without it
         property_proofs = [prove(stem, case, rtl, [name], steps, choice=choice) for name in tried]
         proven, invariant = all(p.proven for p in property_proofs), sum((p.invariant for p in property_proofs), ())
         broken = next((p for p in property_proofs if p.why.startswith("a property fails")), None)
         open_ones = ", ".join(p.properties[0] for p in property_proofs if not p.proven)
-        why = f"{why} of {open_ones}; the rest is proven" if open_ones else ""
+        why = f"{why} of {open_ones}; all others are proven" if open_ones else ""
         why = f"{broken.why}: {broken.properties[0]}" if broken else why
     untried = tuple(name for name in selected if name not in tried)
     return Proof(stem, case, tried, proven, reached, why, time.perf_counter() - began, level, untried, invariant)

@@ -81,7 +81,7 @@ def synthesise(rtl, family=None, name="analog", folder=None):
     if name not in BOARDS:
         raise ConfigError(f"board: {name!r} is not one of {', '.join(BOARDS)}")
     if shutil.which("yosys") is None:
-        raise ConfigError("yosys: not installed; it does the synthesis")
+        raise ConfigError("yosys: not installed; the synthesis needs it")
     config = changed(Config(), {"firmware.board": BOARDS[name]})
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="gyro-synth-") as temporary:

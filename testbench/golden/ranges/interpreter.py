@@ -369,7 +369,7 @@ class Interpreter:
         on, returned = self.run(function_source.tree.body, [path.copy(env)])
         self.where.pop()
         if on or not returned:
-            raise Unsupported(f"{function_source.name}: a way through it returns nothing")
+            raise Unsupported(f"{function_source.name}: a path through it returns nothing")
         return [join(group, dict(path.env)) for group in self.groups(function_source.name, returned)]
 
     def groups(self, name, returned):

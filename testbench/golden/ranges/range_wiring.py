@@ -3,7 +3,7 @@
 Each block is proven for any input in its format. Here one edge of `top.step` runs over intervals, with all registers in
 their proven ranges, and every block's `step` is replaced by a check of its arguments against those formats. If all fit,
 the proofs hold together: at every edge each block gets what its proof assumes, so its registers stay where it says.
-Source  docs/ranges.md, docs/blocks/top.md
+Source  docs/ranges.md, fpga_model/top.py
 """
 
 from functools import cache

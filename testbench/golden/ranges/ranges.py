@@ -296,16 +296,16 @@ def analyse(block, params):
         proven = (min(lo for lo, _ in box_intervals), max(hi for _, hi in box_intervals))
         step = (min(lo for lo, _ in step_intervals), max(hi for _, hi in step_intervals))
         if not (port.fmt.holds(step[0]) and port.fmt.holds(step[1])):
-            problems.append(f"{port.name}: {step[0]} .. {step[1]} leaves {port.fmt}; not proven: width only")
+            problems.append(f"{port.name}: {step[0]} .. {step[1]} exceeds {port.fmt}; not proven, only its width")
             proven = None
         registers.append(Range(port.name, port.fmt, proven, step))
     if not problems and not _is_closed_by_edge(after, boxes):
-        problems.append("the induction does not close")
+        problems.append("induction: the next state can leave the proven ranges")
     pins = []
     for k, port in enumerate(block.pins):
         ends = edge.pins[k]
         if not (port.fmt.holds(ends[0]) and port.fmt.holds(ends[1])):
-            problems.append(f"output {port.name}: {ends[0]} .. {ends[1]} leaves {port.fmt}")
+            problems.append(f"output {port.name}: {ends[0]} .. {ends[1]} exceeds {port.fmt}")
         pins.append(Range(port.name, port.fmt, ends, ends))
     results = []
     for key, (lo, hi) in edge.interpreter.notes.items():

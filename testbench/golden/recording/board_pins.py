@@ -4,7 +4,7 @@
     k clocks   of a pin that comes k clocks later: row n holds the model's row n - k, and 0 where one of the edges
                n - k .. n - 1 resets, or lies before row 0: the registers more of the design may be reset or not
 
-Source  docs/golden.md (pins alone), docs/parts/dac_serial.md
+Source  docs/golden.md (pins alone), analog_frontend/parts/dac_serial.py
 """
 
 import numpy as np

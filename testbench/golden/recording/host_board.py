@@ -3,7 +3,7 @@
     write(folder, params)   gyro_board.v and the tables, as `board_recording.write`; SPI pins in place of the bus
     port                    `fpga_model.host_axi` for the AXI4-Lite port, `gyro_host_axi`
 
-Source  docs/blocks/host.md
+Source  docs/host_port.md
 """
 
 from pathlib import Path

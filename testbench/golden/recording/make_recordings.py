@@ -377,7 +377,7 @@ def make(name, progress=None):
     if name in OF_STORY:
         story = recording.load("story")
         if not is_current(story):
-            raise FileError(f"{name}: the story that it is made of is of another firmware: record story first")
+            raise FileError(f"{name}: made from the recording story, which is of another firmware; record story first")
         r = OF_STORY[name](story)
     else:
         r = record_closed_loop(name, CASES[name], progress)

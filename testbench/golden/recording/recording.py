@@ -75,7 +75,7 @@ def params_from(path, names, raw, design=DEFAULT):
     required_names = [name for name, _ in required_parameters(top.PARAMS_FMT, raw_by_name)]
     if list(map(port_name, names)) != required_names or len(raw) != len(required_names):
         strange = sorted(raw_by_name.keys() ^ set(required_names)) or required_names[:1]
-        raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}): record again")
+        raise FileError(f"{path}: parameters are not those of this firmware ({strange[0]}); record again")
     values = iter(raws(top.PARAMS_FMT, raw_by_name))
     return fill_shape(top.PARAMS_FMT, lambda _: int(next(values)))._replace(design=design)
 
@@ -171,7 +171,7 @@ def check(path, r):
     expect(r.frames >= 1 and r.row_every >= 1, f"frames = {r.frames}, row_every = {r.row_every}: at least 1 each")
     for name, rows in (("adc", r.stimulus.adc), ("host", r.stimulus.host)):
         clocks = rows[:, 0]
-        expect((np.diff(clocks) > 0).all(), f"{name}: the clocks do not rise")
+        expect((np.diff(clocks) > 0).all(), f"{name}: the clocks do not strictly increase")
         expect(not len(clocks) or (clocks[0] >= 0 and clocks[-1] < end), f"{name}: a clock is outside 0 .. {end - 1}")
     status, codes, host = r.stimulus.adc[:, 1], r.stimulus.adc[:, 2:], r.stimulus.host
     expect(((status >= 0) & (status < 1 << 24)).all(), "adc: a status word is outside 24 bits")

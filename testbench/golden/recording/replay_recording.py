@@ -7,7 +7,7 @@
     after edge n    the ADS1298 sees CS_N and SCLK as they are then; a conversion listed at n ends: DRDY_N, DOUT
 
 Frames count from row 0, also behind a reset. There is no plant: the codes are those that a closed loop once gave.
-Source  docs/golden.md, docs/parts/adc_serial.md
+Source  docs/golden.md, analog_frontend/parts/adc_serial.py
 """
 
 from typing import NamedTuple
@@ -176,7 +176,7 @@ def run(params, stimulus, frames, at, board=None, registers=True):
     d = params.design
     at, end = np.ascontiguousarray(at, np.int64), frames * d.frame_clocks
     if len(at) and (at[0] < 0 or at[-1] >= end or (np.diff(at) <= 0).any()):
-        raise ValueError(f"clocks of rows do not rise within 0 .. {end - 1}")
+        raise ValueError(f"clocks of rows do not strictly increase within 0 .. {end - 1}")
     by_frame = registers and d != DEFAULT
     frames_per_batch = 1 if by_frame else BATCH_FRAMES
     o = _allocate_rows(at, frames, 0 if board is None else frames_per_batch * d.frame_clocks)

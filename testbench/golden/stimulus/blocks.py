@@ -3,7 +3,7 @@
 A runner takes stimulus rows (column 0 is `rst`, then the inputs of `step` in order) and writes, for each row, all
 registers before that edge and the output pins that the row's inputs give. Registers and pins are flattened depth first,
 dots and numbers joined by `_`: exactly the ports of the RTL after the prefixes `r_` and `o_`.
-Source  docs/conventions.md, docs/blocks/
+Source  docs/conventions.md, docs/firmware.md
 """
 
 import functools
@@ -221,7 +221,7 @@ def check(ports, rows, what):
         return
     for port, least, most in zip(ports, rows.min(axis=0).tolist(), rows.max(axis=0).tolist(), strict=True):
         if not (port.fmt.holds(least) and port.fmt.holds(most)):
-            raise ValueError(f"{what} {port.name}: {least} .. {most} leaves format {port.fmt}")
+            raise ValueError(f"{what} {port.name}: {least} .. {most} is outside format {port.fmt}")
 
 
 def sweep_clocks(block):

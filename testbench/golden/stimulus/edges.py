@@ -2,7 +2,7 @@
 
 `edges_STEM` belongs to the block STEM.
 
-Source  docs/blocks/ (the limits)
+Source  docs/conventions.md (formats)
 """
 
 import itertools

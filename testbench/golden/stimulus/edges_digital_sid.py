@@ -1,6 +1,6 @@
 """Edges of the digital demodulator: sums at their limits, poles and codes whose dropped bits are at their edges.
 
-Source  docs/blocks/digital_sid.md
+Source  fpga_model/digital_sid.py
 """
 
 import itertools

@@ -4,7 +4,7 @@
     y   = clamp(round(acc + kp*e))
 
 E for a wanted acc follows from the inverse of ki modulo 2**24; an even gain has steps of its power of two instead of 1.
-Source  docs/blocks/pi.md
+Source  fpga_model/pi.py
 """
 
 from typing import NamedTuple

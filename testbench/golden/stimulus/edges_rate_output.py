@@ -3,7 +3,7 @@
     t = 1, t2 = 0      scale_sum = s0*2**12 + s1,   word*2**24 - bias = (word*2**8 - b0)*2**16 - b1
     s0 = 2**28         scaled = corrected           s0 = 1    the dropped bits of the product are those of corrected
 
-Source  docs/blocks/rate_output.md
+Source  fpga_model/rate_output.py
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Script of the AXI4-Lite slave: requests in every order, responses that wait, each strobe and each bit within a word.
 
-Source  docs/blocks/axi_slave.md
+Source  fpga_model/axi_slave.py
 """
 
 import itertools

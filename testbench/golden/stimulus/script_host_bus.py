@@ -1,6 +1,6 @@
 """Script of the host's bus: pairs of words whole and broken, reads that are done, aborted or overtaken, every count.
 
-Source  docs/blocks/host_bus.md
+Source  fpga_model/host_bus.py
 """
 
 import itertools

@@ -1,7 +1,7 @@
 """Script of the sequencer: start-up to LOCKED in few frames, loss and recovery, and every comparison at its edge.
 
 The model itself runs along, so that the script can wait for a state.
-Source  docs/blocks/sequencer.md
+Source  fpga_model/sequencer.py
 """
 
 import itertools

@@ -1,6 +1,6 @@
 """Script of the SPI slave: frames as a host sends them, each way in which one can be wrong, resets in every phase.
 
-Source  docs/blocks/spi_slave.md
+Source  fpga_model/spi_slave.py
 """
 
 import itertools

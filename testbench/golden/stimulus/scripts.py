@@ -2,7 +2,7 @@
 
 `script_STEM` belongs to the block STEM.
 
-Source  docs/blocks/
+Source  docs/firmware.md
 """
 
 import itertools

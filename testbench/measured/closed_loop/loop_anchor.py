@@ -278,14 +278,16 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
 
     def describe_prior_overrun(self, theta):
         keys = ", ".join(p.key for p, t in zip(self.parameters, theta) if p.clip_theta(t) != t)
-        return f"{keys}: the linear fit ends beyond {WALL:g} sd of the prior" if keys else ""
+        return (
+            f"the linear fit of {keys} ends more than {WALL:g} prior standard deviations from the prior" if keys else ""
+        )
 
     def linear_change_certificate(self, theta, effects):
         change = {
             c.id: self._change(theta, effects, *self.at, c.id) for c in self.recorded.conditions if c.role == "fit"
         }
         return {
-            "engines": "exact engine (lanes) at the anchor, and all that the fitted model changes from there, as error",
+            "engines": "exact engine (lanes) at the anchor; the change from there to the fitted model counts as error",
             "sigma": float(np.max(np.abs(self.pseudo({g: v[:, None] for g, v in change.items()})))),
             "anchors": self.anchors,
             "draws": self.draws,
@@ -299,7 +301,7 @@ class AnchoredLoop(Anchored, adds=MEMBERS):
         each = self.pseudo({g: (rows - self._draw_rows[g]).T for g, (_, rows) in exact_by_condition.items()})
         noise_variance = each.var(axis=1, ddof=1) / self.draws
         return {
-            "engines": "exact engine (lanes) against the fitted model, same noise",
+            "engines": "exact engine (lanes) compared with the fitted model, same noise",
             "sigma": float(np.sqrt(max(np.max(pseudo_effects**2 - noise_variance), 0.0))),
             "sigma_with_noise": float(np.max(np.abs(pseudo_effects))),
             "feature_rms_sigma": float(np.sqrt(np.mean(scaled**2))),

@@ -11,7 +11,7 @@
                 (b odd), up to powers of w, which is constant. Only that moves the loop; slow factors (rate, temp) stay.
                 So no amplitude, rate or temperature tells x^2 vx from vx^3: one law in other parameters
 
-Source    docs/effects/README.md
+Source    docs/effects.md
 """
 
 import math
@@ -79,7 +79,8 @@ def _key(name, port, text, unit, scale, terms, limits=None, page=""):
     if least > low or most < high:
         low, high, reason = max(low, least), min(high, most), f"the range of effects.{name}"
     shape = harmonic(ones[0]) if len(ones) == 1 else ""
-    key_law = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=f"docs/effects/{page or name}.md")
+    module = f"analog_frontend/effects/{page or name}.py"
+    key_law = Law(name, port, text, unit, scale, (low == 0.0) - (high == 0.0), page=module)
     return Candidate(key_law._replace(low=low, high=high, reason=reason, same=shape), f"effects.{name}", terms=terms)
 
 
@@ -156,12 +157,12 @@ def from_grammar():
             scale = min(PORT_SIZE[port] / loop_limits.typical_product(one.factors), max(-low, high))
             candidate_law = Law(
                 name, port, f"c {factors}", one.unit, scale, (low == 0.0) - (high == 0.0), term=terms,
-                page="docs/parts/ports.md", low=low, high=high, reason=reason, same=harmonic(one),
+                page="docs/effects.md", low=low, high=high, reason=reason, same=harmonic(one),
             )  # fmt: skip
             out.append(Candidate(candidate_law, "", port, factors))
     for field, (port, unit, scale) in PARTS.items():
         low, high, reason = loop_limits.field_change_limits(field)
-        sign, page = (low == 0.0) - (high == 0.0), "docs/effects/README.md"
+        sign, page = (low == 0.0) - (high == 0.0), "docs/effects.md"
         candidate_law = Law(f"plant.{field}", port, f"plant.{field} + c", unit, scale, sign, page=page)
         out.append(Candidate(candidate_law._replace(low=low, high=high, reason=reason), f"plant.{field}"))
     return tuple(out)

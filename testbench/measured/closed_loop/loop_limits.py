@@ -38,18 +38,20 @@ def _bound(one):
     axis, around = one.port[-1], names & {"rate", "temp"}
     if one.port in law.CV_PORTS:
         if names - around == {"c" + axis}:
-            return TYPICAL["c" + axis], "the gain stays positive"
-        return BOARD.amplifier_swing_v, "swing of the amplifiers"
+            return TYPICAL["c" + axis], "the gain must stay positive"
+        return BOARD.amplifier_swing_v, "the swing of the amplifiers"
     if names & {"u", "w"}:
-        return BOARD.k_vf_sense_n_per_v * TYPICAL["w" if "w" in names else "u"], "the electrode's force keeps its sign"
+        return BOARD.k_vf_sense_n_per_v * TYPICAL[
+            "w" if "w" in names else "u"
+        ], "the force of the electrode must keep its sign"
     is_port_axis = names <= {*AXES[axis], "rate", "temp"}
     typical_displacement, speed = (TYPICAL[name] for name in AXES[axis if is_port_axis else "yx"["xy".index(axis)]])
     odd = sum(f.power for f in one.factors if f.name in ("vx", "vy") and f.dress != law.ABS) % 2
     if not odd:
-        return STIFF_N_PER_M * typical_displacement, "the stiffness stays positive"
+        return STIFF_N_PER_M * typical_displacement, "the stiffness must stay positive"
     if not is_port_axis and names - around == {"vx"} and "rate" in names:
-        return 2 * BOARD.mass_kg * speed, "the Coriolis mass is a part of the mode's"
-    return (1 if is_port_axis else 2) * DAMP_N_S_PER_M * speed, "the damping stays positive"
+        return 2 * BOARD.mass_kg * speed, "the Coriolis mass cannot exceed the mass of the mode"
+    return (1 if is_port_axis else 2) * DAMP_N_S_PER_M * speed, "the damping must stay positive"
 
 
 def coefficient_limits(one):
@@ -58,7 +60,7 @@ def coefficient_limits(one):
     high = largest / (abs(one.coefficient) * typical_product(one.factors))
     limits = -high, high
     if _takes_energy(one):
-        limits, reason = (-high, 0.0), "no passive part gives energy to its mode"
+        limits, reason = (-high, 0.0), "a passive part cannot supply energy to its mode"
     low, high = sorted(limit * math.copysign(1.0, one.coefficient) + 0.0 for limit in limits)
     return low, high, reason
 

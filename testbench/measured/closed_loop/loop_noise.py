@@ -61,7 +61,7 @@ def estimate_noise(draws, draw_shifts_hz=JITTER):
         dof = len(z) - len(pools[n])
         if dof < n + 10:
             raise ConfigError(
-                f"noise of {name}: {dof} deviations for {n} features; more draws or fewer bins are needed"
+                f"noise of {name}: {dof} deviations for {n} features, {n + 10} are needed; use more draws or fewer bins"
             )
         r = UNPOOLED_WEIGHT * scaled[name].T @ scaled[name] / (len(rows) - 1) + (1 - UNPOOLED_WEIGHT) * z.T @ z / dof
         c = r * np.outer(sigma[name], sigma[name]) + JITTER_HZ**2 * np.outer(slope, slope)

@@ -89,10 +89,12 @@ def describe_shadowed_laws(problem):
         fixed = {k: _unexplained_sigmas(np.delete(j, k, axis=1), column) for k in slopes}
         most = max(fixed, key=fixed.get)
         if free < SHADOWED * fixed[most]:
-            shadowed.setdefault(problem.nuisances[most].name, []).append(f"{law.name} ({free / fixed[most]:.0%} left)")
+            shadowed.setdefault(problem.nuisances[most].name, []).append(
+                f"{law.name} ({free / fixed[most]:.0%} of its size remains visible)"
+            )
     return tuple(
-        f"not identifiable beside {key}: {', '.join(names)}; to fix it: a second amplitude at two temperatures or more "
-        f"({conditions})"
+        f"not identifiable together with {key}: {', '.join(names)}; to fix it: a second amplitude at two temperatures or "
+        f"more ({conditions})"
         for key, names in shadowed.items()
     )
 

@@ -156,7 +156,7 @@ class LoopProblem(AnchoredLoop):
         span_s = max(self.after[c.id] + c.seconds for c in self.conditions.values()) - min(self.after.values())
         if not lags_s or span_s >= max(lags_s):
             return ""
-        return f"its time constant is {max(lags_s):g} s, and the dwells show {span_s:.2g} s of the time from power-on"
+        return f"its time constant is {max(lags_s):g} s, but the dwells cover {span_s:.2g} s of the time from power-on"
 
     def experiments(self, laws):
         return Offered(self, laws)

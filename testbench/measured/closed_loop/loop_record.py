@@ -84,7 +84,9 @@ def setpoints(record, model, s):
     for name in MODELLED:
         if name in recorded_registers and recorded_registers[name][0] != model_registers[name]:
             raw, source = recorded_registers[name]
-            raise ConfigError(f"{source}: {name} = {raw}, the configuration of the model sets {model_registers[name]}")
+            raise ConfigError(
+                f"{source}: {name} = {raw}, but the configuration of the model sets {model_registers[name]}"
+            )
     a_um, detune, nominal = float(s.a_set), float(s.detune), build.nominal(model)
     raw = recorded_registers.get("amplitude_setpoint", (None,))[0]
     if raw not in (None, agc.setpoint(a_um, nominal["v_per_um"], nominal["adc_drive_v"])):
@@ -110,8 +112,8 @@ def _course(record, s, quantity):
     off = float(np.abs(value + slope * middle_s - values).max())
     if off > limit:
         raise ConfigError(
-            f"{stated.path}: {off:.3g} from a straight line within segment {s.id}, {limit:.3g} allowed: tracing needs "
-            "dwells of constant or ramped conditions"
+            f"{stated.path}: deviates by {off:.3g} from a straight line in segment {s.id}, limit {limit:.3g}; tracing "
+            "needs constant or ramped conditions in a dwell"
         )
     return float(value), float(slope)
 
@@ -130,7 +132,8 @@ def measured_features(record, name, hashes):
         settle = (s.first - calm_from(record, s.first)) / FRAME_HZ
         if settle < LEAST_SETTLE_S:
             raise ConfigError(
-                f"/segments {s.id}: settles for {settle:g} s, tracing needs {LEAST_SETTLE_S:g} s: a plan's settle_s"
+                f"/segments {s.id}: settles for {settle:g} s, tracing needs {LEAST_SETTLE_S:g} s; raise settle_s in "
+                "the plan"
             )
         before = _before(record, s.first * FRAME_CYCLES)
         a_um, detune_deg = setpoints(record, model, s)
@@ -145,10 +148,12 @@ def measured_features(record, name, hashes):
         groups[name] = groups[name]._replace(settle_s=_settle_s(record, members))
 
     if "fit" not in {c.role for c in groups.values()}:
-        raise ConfigError("/segments: none has the role fit, tracing needs one or more")
+        raise ConfigError("/segments: no segment has the role fit, tracing needs one or more")
     for c in groups.values():
         if loop_runs.frame_count(c.seconds) < loop_runs.FINE:
-            raise ConfigError(f"/segments {c.id}: {c.seconds:g} s, tracing needs {loop_runs.FINE} frames or more")
+            raise ConfigError(
+                f"/segments {c.id}: {c.seconds:g} s, tracing needs {loop_runs.FINE / FRAME_HZ:g} s or more"
+            )
 
     def columns(s):
         return {name: data[s.first : s.first + s.frames] for name, data in per_frame.items()}
@@ -196,8 +201,8 @@ def open_record(paths, options, calibrated=None, bench=None, loop_cache=None):
         return None
     loaded = load_record.load(paths[0])
     if not schema.has_supported_map(loaded.record):
-        text = "regmap_sha256 is another firmware's, and tracing runs this one in its loop"
-        raise ConfigError(f"{paths[0]}: {text}; gyro measured residuals --kind R1 and calibrate do not")
+        text = "regmap_sha256 belongs to another firmware, but tracing simulates this one"
+        raise ConfigError(f"{paths[0]}: {text}; use gyro measured residuals --kind R1, or gyro measured calibrate")
     record, lacking = firmware_words.complete_record(loaded.record)
     model = check_tables.stated_config(record)
     hashes = {"record": record.attrs.get("content_sha256", ""), "roles": record.attrs.get("roles_sha256", "")}
@@ -211,7 +216,7 @@ def open_record(paths, options, calibrated=None, bench=None, loop_cache=None):
     problem.warnings = (
         *loaded.warnings,
         *quality,
-        *((f"words are not replayed: {lacking}",) if lacking else ()),
+        *((f"firmware words are not replayed: {lacking}",) if lacking else ()),
         *lines,
     )
     problem.heldout_independent = has_independent_holdout(record)

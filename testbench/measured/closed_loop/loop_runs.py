@@ -199,7 +199,7 @@ def _is_locked(state):
 def _sure(state, condition):
     """A state that is locked, or ConfigError."""
     if not _is_locked(state):
-        raise ConfigError(f"condition {condition.id}: no lock within {state.tick / TICK_HZ:g} s")
+        raise ConfigError(f"condition {condition.id}: the loops do not lock within {state.tick / TICK_HZ:g} s")
     return state
 
 

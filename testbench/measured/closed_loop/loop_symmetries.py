@@ -73,7 +73,7 @@ WEAK_STEP_SIGMAS = 30.0  # sigmas by which the step along a weak direction moves
 REACH = 0.5  # sd of the priors: the largest such step
 NOTHING = 1e-9  # of the largest singular value: no data see it
 # never fitted: it scales with every force, and with nothing else
-MASS = "mass_kg: only force and stiffness per mass are seen (k_vf / mass, k_xy / mass, k_q / mass)"
+MASS = "mass_kg: only force and stiffness per mass are observable (k_vf / mass, k_xy / mass, k_q / mass)"
 MASS_EXPERIMENT = "a known force or added mass"
 
 

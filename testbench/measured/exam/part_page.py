@@ -54,7 +54,7 @@ def in_part(data):
     texts = [f"{name} {r['after'] / r['floor']:.2g}" for name, r in data["heldout"].items() if is_unexplained(r)]
     if data["verdict"] not in ("named", "candidate") or not texts:
         return data
-    words = f"{data['sentence'].rstrip('. ')}. Not explained, in floors: {', '.join(texts)}."
+    words = f"{data['sentence'].rstrip('. ')}. Held-out errors that are not explained, in floors: {', '.join(texts)}."
     verdict = "named in part" if data["verdict"] == "named" else data["verdict"]
     return data | {"verdict": verdict, "sentence": words}
 
@@ -190,7 +190,7 @@ def effects_table(data):
         + (e.get("kind", ""), e.get("status", ""), e.get("text", ""))
         for e in data["effects"]
     ]
-    head = ("law", "port", "value", "sd", "unit", "d", "kind", "status", "in words")
+    head = ("law", "port", "value", "sd", "unit", "d", "kind", "status", "description")
     return table(head, rows, (2, 3, 5)) if rows else "<p>No effect is named.</p>"
 
 
@@ -214,7 +214,7 @@ def rounds_table(data):
         + (", ".join(r["rivals"][:4]),)
         for r in data.get("rounds", [])
     ]
-    head = ("law", "", "d where fitted", "chi2 gained where held out", "cannot be told from")
+    head = ("law", "", "d on fitted data", "chi2 decrease on held-out data", "cannot be distinguished from")
     return table(head, rows, (2, 3)) if rows else ""
 
 
@@ -229,8 +229,8 @@ def part_section(title, data, image=""):
     ]
     if image:
         words.append(
-            f"<figure>{image}<figcaption>What is left on data that no fit has seen, before and after; "
-            "the grey band is the floor. Where the error before is far above it, the scale is logarithmic beyond three "
+            f"<figure>{image}<figcaption>Residual on held-out data, before and after. The grey band is "
+            "the floor. Where the residual before is far above it, the scale is logarithmic beyond three "
             "floors.</figcaption></figure>"
         )
     residual_rows = [
@@ -240,19 +240,23 @@ def part_section(title, data, image=""):
     ]
     if residual_rows:
         head = (
-            "what is left of",
-            "in",
-            "neighbours' correlation",
+            "residual of",
+            "segment",
+            "correlation of neighbours",
             "p",
-            "in the worst tenth",
-            "which is",
-            "shared with fit",
+            "power in the worst tenth",
+            "range of that tenth",
+            "correlation with fitted segments",
         )
-        words.append("<details><summary>what is left: a curve, one place, or this recording alone?</summary>")
+        words.append(
+            "<details><summary>remaining residual: a curve, at one place, or in this recording only?</summary>"
+        )
         words.append(table(head, residual_rows, (2, 3, 4, 6)) + "</details>")
     lost = data.get("not_carried_over", [])
     if lost:
-        words.append(f"<p>Fitted well and did not carry over to the held-out data: {html.escape(', '.join(lost))}.</p>")
+        words.append(
+            f"<p>These laws fit well, but held-out data do not support them: {html.escape(', '.join(lost))}.</p>"
+        )
     if data.get("rounds"):
         words.append(f"<details><summary>all laws that were tried</summary>{rounds_table(data)}</details>")
     return "".join(words)

@@ -305,7 +305,7 @@ def summary(problem, first, rounds, last, fit, superseded=()):
         {
             "problem": problem.name,
             "verdict": verdict,
-            "sentence": f"{words}{'left: ' if accepted else ''}{last.sentence}",
+            "sentence": f"{words}{'afterwards: ' if accepted else ''}{last.sentence}",
             "effects": effects,
             "heldout": data,
             "p_global": first.p_global,

@@ -1,6 +1,6 @@
 """Published file formats of recordings that others made, one loader each; a loader reads the content, not a name.
 
-Source  docs/measured_parts.md
+Source  docs/measured_results.md
 """
 
 from testbench.storage import inputs

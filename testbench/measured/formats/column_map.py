@@ -105,7 +105,7 @@ def read(path):
     stated = inputs.validate_data(inputs.read_toml(path, error=FileError), Map, path)
     file = (path.parent / stated.file).resolve()
     if not file.is_relative_to(path.parent.resolve()):
-        raise FileError(f"{path}: file: {stated.file[:80]!r} leads out of the folder")
+        raise FileError(f"{path}: file: {stated.file[:80]!r} is outside the folder of the map")
     mapped = _MappedTable(path, stated, file)
     return MAKERS[stated.kind](mapped)
 
@@ -118,23 +118,27 @@ class _MappedTable:
         self.head = stated.head
         for name in self.head:
             if name not in HEADS:
-                raise FileError(f"{path}: head.{name}: none of {', '.join(sorted(HEADS))}")
+                raise FileError(f"{path}: head.{name}: is not a known key; known: {', '.join(sorted(HEADS))}")
         unit_by_role, several = ROLE_UNITS[stated.kind], SEVERAL.get(stated.kind, {})
         for role in stated.columns:
             if role not in unit_by_role:
-                raise FileError(f"{path}: columns.{role}: none of {', '.join(unit_by_role)} of kind {stated.kind}")
+                raise FileError(
+                    f"{path}: columns.{role}: is not a role of kind {stated.kind}; known: {', '.join(unit_by_role)}"
+                )
         for role in ("readings", "spreads", "environment", "levels", "axes"):
             if getattr(stated, role) and role not in several:
-                raise FileError(f"{path}: {role}: kind {stated.kind} has none")
+                raise FileError(f"{path}: {role}: is not a role of kind {stated.kind}")
         lacking = [r for r in unit_by_role if r not in stated.columns and r not in OPTIONAL.get(stated.kind, ())]
         lacking += [r for r in list(several)[:1] if not getattr(stated, r)]
         if lacking:
-            raise FileError(f"{path}: kind {stated.kind} wants {', '.join(lacking)}, which the map lacks")
+            raise FileError(f"{path}: kind {stated.kind} needs {', '.join(lacking)}; add them to the map")
         self.one = {role: self._values(role, r, unit_by_role[role]) for role, r in stated.columns.items()}
         self.many = {role: [self._values(role, r, u) for r in getattr(stated, role)] for role, u in several.items()}
         lengths = {len(v) for v in (*self.one.values(), *(v for many in self.many.values() for v in many))}
         if len(lengths) != 1 or min(lengths) < FEWEST[stated.kind]:
-            raise FileError(f"{path}: columns of {sorted(lengths)} rows; one length, {FEWEST[stated.kind]} or more")
+            raise FileError(
+                f"{path}: columns of {sorted(lengths)} rows; expected one length of at least {FEWEST[stated.kind]}"
+            )
 
     def _values(self, role, r, unit):
         v = numeric_columns(self.file, self.table, [r.column])[r.column]
@@ -157,7 +161,7 @@ class _MappedTable:
         if r.unit in ("dBm", "dBW"):
             return v + (30.0 if r.unit == "dBW" else 0.0)
         if np.min(v) <= 0:
-            raise FileError(f"{self.path}: {role}: a power of {np.min(v):.3g} {r.unit} has no logarithm")
+            raise FileError(f"{self.path}: {role}: a power of {np.min(v):.3g} {r.unit} is not above 0")
         return 10 * np.log10(v) + (30.0 if r.unit == "W" else 0.0)
 
     def names(self, role):
@@ -182,20 +186,21 @@ class _MappedTable:
         if "rate_hz" in self.head:
             return self.number("rate_hz", 1e-3, 1e9)
         if "time" not in self.one:
-            raise FileError(f"{self.path}: kind {self.stated.kind} wants head.rate_hz or the column time")
+            raise FileError(f"{self.path}: kind {self.stated.kind} needs head.rate_hz or the column time")
         t = self.one["time"]
         step = (t[-1] - t[0]) / (len(t) - 1)
         worst = float(np.max(np.abs(t - t[0] - step * np.arange(len(t))))) if step > 0 else np.inf
         if not worst < max(GRID_TOLERANCE * step, grid_step(t)):
             raise FileError(
-                f"{self.path}: time: off a regular grid by {worst:.3g} s, {GRID_TOLERANCE * step:.3g} s is the limit"
+                f"{self.path}: time: deviates from a regular grid by {worst:.3g} s, "
+                f"above the limit {GRID_TOLERANCE * step:.3g} s"
             )
         return float(1 / step)
 
     def number(self, name, low, high):
         value = self.head.get(name)
         if not isinstance(value, (int, float)) or not low <= value <= high:
-            raise FileError(f"{self.path}: head.{name}: {value!r} is no number within {low:g} .. {high:g}")
+            raise FileError(f"{self.path}: head.{name}: {value!r} is not a number within {low:g} .. {high:g}")
         return float(value)
 
 
@@ -209,7 +214,7 @@ def _make_trace(mapped):
     order_findings = mapped.sort_by_axis(axis, axis == "time")
     x = mapped.one[axis]
     if x[-1] == x[0]:
-        raise FileError(f"{mapped.path}: {axis} stands still")
+        raise FileError(f"{mapped.path}: {axis} is the same in all rows")
     header = {"sample id": str(mapped.head.get("sample", "")), "date and time": str(mapped.head.get("date", ""))}
     header["frequency [hz]"] = str(mapped.head.get("frequency_hz", "nan"))
     header["quality factor"] = str(mapped.head.get("quality", "nan"))
@@ -228,7 +233,7 @@ def _make_sweep(mapped):
             polar[name] = one[f"{name}_db"], one[f"{name}_deg"]
             s[name] = 10 ** (polar[name][0] / 20) * np.exp(1j * np.deg2rad(polar[name][1]))
     if "s21" not in s:
-        raise FileError(f"{mapped.path}: kind sweep wants s21_re and s21_im, or s21_db and s21_deg")
+        raise FileError(f"{mapped.path}: kind sweep needs s21_re and s21_im, or s21_db and s21_deg")
     mapped.one = {"frequency": one["frequency"], "s21": np.abs(s["s21"])}
     mapped.sort_by_axis("frequency", True)
     f, date = one["frequency"], str(mapped.head.get("date", ""))
@@ -239,7 +244,7 @@ def _make_meters(mapped):
     readings, spreads = (mapped.many[role] for role in ("readings", "spreads"))
     if spreads and len(spreads) != len(readings):
         raise FileError(
-            f"{mapped.path}: {len(spreads)} spreads of {len(readings)} readings; one of each wanted, or none"
+            f"{mapped.path}: {len(spreads)} spreads for {len(readings)} readings; give one for each reading, or none"
         )
     order_findings = mapped.sort_by_axis("time", False)
     many = mapped.many
@@ -261,7 +266,7 @@ def _make_levels(mapped):
     bits = n.bit_length() - 1
     code = mapped.one.get("code", np.arange(n))
     if n != 1 << bits or not 8 <= bits <= 18 or not np.array_equal(np.sort(code - code.min()), np.arange(n)):
-        raise FileError(f"{mapped.path}: {n} levels; 2^8 .. 2^18 wanted, each code once")
+        raise FileError(f"{mapped.path}: {n} levels; expected a power of two, 2^8 .. 2^18, each code once")
     order = np.argsort(code)
     channels = {name: v[order] for name, v in zip(mapped.names("levels"), mapped.many["levels"])}
     return Levels(mapped.path, mapped.sha256, bits, channels)
@@ -279,14 +284,14 @@ def _make_zero_rate(mapped):
     counted = [r.unit == "count" for r in mapped.stated.axes]
     if any(counted):
         if not all(counted):
-            raise FileError(f"{mapped.path}: axes: all in counts, or none")
+            raise FileError(f"{mapped.path}: axes: some are in counts; give all in counts, or none")
         lsb, counts = mapped.number("lsb_deg_per_s", 1e-12, 1e6), table
     else:
         # rates on no grid are put on one far finer than their noise
         estimated_lsb = min(grid_step(v) or 1e-3 * noise_sd(v) for v in table.T)
         lsb = mapped.number("lsb_deg_per_s", 1e-12, 1e6) if "lsb_deg_per_s" in mapped.head else estimated_lsb
         if not lsb > 0:
-            raise FileError(f"{mapped.path}: axes: an axis without noise")
+            raise FileError(f"{mapped.path}: axes: one axis has no noise")
         counts = table / lsb
     return ZeroRateRecord(mapped.path, mapped.sha256, np.round(counts).astype(np.int64), lsb, rate)
 

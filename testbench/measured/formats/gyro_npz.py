@@ -50,7 +50,7 @@ def read(path):
         raise FileError(f"{path}: expected one integer array (samples, axes), found {len(arrays)}")
     counts = arrays[0] if arrays[0].shape[1] <= MAX_AXES else arrays[0].T
     if len(counts) < MIN_SAMPLES:
-        raise FileError(f"{path}: {len(counts)} samples, at least {MIN_SAMPLES} wanted")
+        raise FileError(f"{path}: {len(counts)} samples, expected at least {MIN_SAMPLES}")
     if np.any(np.ptp(counts, axis=0) == 0):
         raise FileError(f"{path}: axis {int(np.argmin(np.ptp(counts, axis=0)))} is the same in all samples")
     digest = hashlib.sha256(data).hexdigest()

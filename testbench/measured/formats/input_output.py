@@ -31,11 +31,11 @@ def load(path, fs_hz=FS_HZ):
         if v.dtype.kind not in "fiu" or v.ndim > 2 or min(v.shape, default=1) != 1:
             raise FileError(f"{path} {name}: {v.dtype} {v.shape}, expected one row of numbers (V)")
         if not np.all(np.isfinite(v)):
-            raise FileError(f"{path} {name}: holds what is not finite")
+            raise FileError(f"{path} {name}: contains values that are not finite")
         if np.all(v == v.flat[0]) or np.max(np.abs(v)) > MOST_V:
             raise FileError(f"{path} {name}: is the same in all samples, or above {MOST_V:g} V")
     u, y = u.ravel().astype(float), y.ravel().astype(float)
     if len(u) != len(y) or len(u) < SHORTEST:
-        raise FileError(f"{path}: V1 has {len(u)} samples, V2 {len(y)}; the same number wanted, {SHORTEST} or more")
+        raise FileError(f"{path}: V1 has {len(u)} samples, V2 {len(y)}; expected the same number, at least {SHORTEST}")
     is_overloaded = any(np.any(mat_arrays.get(name, 0)) for name in ("Ovld1", "Ovld2"))
     return InputOutput(str(path), u, y, float(fs_hz), bool(is_overloaded))

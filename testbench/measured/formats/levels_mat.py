@@ -56,5 +56,5 @@ def read(path):
         raise FileError(f"{path}: expected a vector of 2^8 .. 2^18 rising levels (V), found none")
     lengths = {len(v) for v in channels.values()}
     if len(lengths) != 1:
-        raise FileError(f"{path}: channels of {sorted(lengths)} levels, expected one length")
+        raise FileError(f"{path}: channels of {sorted(lengths)} levels, expected the same number in all")
     return Levels(path, digest, lengths.pop().bit_length() - 1, channels)

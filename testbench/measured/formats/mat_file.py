@@ -48,7 +48,7 @@ def read_mat(path, selected_names=None):
 
     data = inputs.read_bytes(path)
     if not is_mat(data):
-        raise FileError(f"{path}: expected a MATLAB 5 file, found other first bytes")
+        raise FileError(f"{path}: is not a MATLAB 5 file: the first bytes differ")
     with inputs.explain_damage(path, "MATLAB 5 file"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of names that stand twice: the last one counts
         _check_unpacked_size(data, path)

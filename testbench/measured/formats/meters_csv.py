@@ -65,7 +65,7 @@ def read(path):
     meters = [i for i, c in enumerate(columns) if i and not ENVIRONMENT.match(c) and not SPREAD.match(c)]
     spreads = [i for i, c in enumerate(columns) if SPREAD.match(c)]
     if not meters:
-        raise FileError(f"{path}: line 1: no column of readings behind the source")
+        raise FileError(f"{path}: line 1: no column of readings after the source")
     seconds = np.array([(t - when[0]).total_seconds() for t in when])
     axis = Column("time", "s", seconds, AXIS)
     sheet = Sheet(str(path), "meters", (axis, Column("source", "V", table[:, 0])))

@@ -1,6 +1,6 @@
 """The paper's printed numbers by symbol, case and temperature, for the rivals of what is not met.
 
-Source    docs/measured_parts.md, docs/references.md
+Source    docs/measured_results.md, docs/references.md
 """
 
 import math
@@ -35,7 +35,9 @@ class Numbers:
             if r["symbol"] == symbol and r["case"].startswith(case) and r["temperature_C"] in (temperature, "")
         ]
         if len(matching_rows) != 1:
-            raise FileError(f"{self.path}: {len(matching_rows)} values of {symbol}, {case}, {temperature}; one wanted")
+            raise FileError(
+                f"{self.path}: {len(matching_rows)} values of {symbol}, {case}, {temperature}; expected one"
+            )
         return self._parse_value(matching_rows[0]["value"], symbol)
 
     def _parse_value(self, text, symbol):

@@ -45,7 +45,7 @@ def read_parquet(data, source_name, selected_names=None):
         for batch in file.iter_batches(BATCH_ROWS, columns=names) if names else ():
             remaining_rows -= len(batch)
             if remaining_rows < 0:
-                raise FileError(f"{source_name}: more rows than the {rows} that its head states")
+                raise FileError(f"{source_name}: more rows than the {rows} that its header states")
             for name in names:
                 column_pieces[name].append(batch.column(name).to_numpy(zero_copy_only=False))
         return {name: np.concatenate(parts) for name, parts in column_pieces.items() if parts}

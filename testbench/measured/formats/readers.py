@@ -59,20 +59,19 @@ def describe_unreadable_file(path):
     if mat_file.is_mat(head):
         mat_arrays = mat_file.read_mat(path)[0]
         sizes = ", ".join(f"{name} {v.shape}" for name, v in list(mat_arrays.items())[:8]) or "no arrays of numbers"
-        return f"MATLAB file with {sizes}; wanted V1 and V2 (V), or vectors of 2^8 .. 2^18 rising levels (V)"
+        return f"MATLAB file with {sizes}; expected V1 and V2 (V), or vectors of 2^8 .. 2^18 rising levels (V)"
     comment = next((line for line in lines if line.startswith("%")), None)
     if comment:
         title = next((line for line in lines if line.startswith("%") and "," in line), comment)
-        return (
-            f"ring-down or spectrum: found {title[:80]!r}, wanted '% time [s], power [dBm]' or '% frequency [Hz], ...'"
-        )
+        titles = "'% time [s], power [dBm]' or '% frequency [Hz], ...'"
+        return f"ring-down or spectrum: found {title[:80]!r}, expected {titles}"
     option = next((line for line in lines if line.startswith("#")), None)
     if option:
-        return f"Touchstone: found {option[:80]!r}, wanted '# Hz S dB R 50' or its kin"
+        return f"Touchstone: found {option[:80]!r}, expected an option line such as '# Hz S dB R 50'"
     if first.lower().startswith("date") or ";source" in first.lower():
-        return f"readings of voltmeters: found {first!r}, wanted '{meters_csv.HEAD}...' in line 1"
+        return f"readings of voltmeters: found {first!r}, expected '{meters_csv.HEAD}...' in line 1"
     try:
         columns = list(read_table(path))
     except FileError as problem:
         return str(problem).partition(": ")[2]
-    return f"a table of columns {', '.join(columns[:12])[:200]}: a column map says what they are"
+    return f"a table of columns {', '.join(columns[:12])[:200]}: write a column map that says what they are"

@@ -5,7 +5,7 @@
 A file that is not the published one is refused. What is found in a file never depends on its name or set.
 The list is `published.csv` in this folder, a `File` a row; the set silverbox is that of nonlinearbenchmark.org.
 The licences of the data are their owners', mostly not stated.
-Source    docs/measured_resonators.md, docs/references.md
+Source    docs/measured_results.md, docs/references.md
 """
 
 import csv
@@ -40,7 +40,7 @@ def files(set_name):
     """The `File`s of a set; FileError names those there are."""
     set_files = tuple(f for f in FILES if f.set == set_name)
     if not set_files:
-        raise FileError(f"data set {set_name!r}: none of {', '.join(SETS)}")
+        raise FileError(f"data set {set_name!r}: unknown; known: {', '.join(SETS)}")
     return set_files
 
 
@@ -61,10 +61,10 @@ def path(file):
     if folder:
         file_path = Path(folder) / file.set / file.name
         if not file_path.is_file():
-            raise FileError(f"{file_path}: is not there ({FOLDER}={folder})")
+            raise FileError(f"{file_path}: does not exist ({FOLDER}={folder})")
         return _verify_file(file_path, file)
     if not file.url:
-        raise FileError(f"{file.set}/{file.name}: {file.note}; set {FOLDER} to a folder that holds it")
+        raise FileError(f"{file.set}/{file.name}: {file.note}; set {FOLDER} to a folder that contains it")
     return _verify_file(_download_file(file), file)
 
 
@@ -88,8 +88,8 @@ def _download_file(file):
         unpack = pooch.Unzip(members=[file.member], extract_dir="unpacked")
         unpacked_paths = pooch.retrieve(file.url, None, fname="archive.zip", path=cache, processor=unpack)
     except (OSError, ValueError) as problem:  # requests' errors are OSErrors; a wrong hash is a ValueError
-        raise FileError(f"{file.set}/{file.name}: cannot be had from {file.url}: {problem}") from None
+        raise FileError(f"{file.set}/{file.name}: cannot be downloaded from {file.url}: {problem}") from None
     for name in unpacked_paths:
         if name.endswith(file.member):
             return Path(name)
-    raise FileError(f"{file.set}/{file.name}: {file.url} holds no {file.member}")
+    raise FileError(f"{file.set}/{file.name}: {file.url} does not contain {file.member}")

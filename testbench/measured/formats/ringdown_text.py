@@ -56,7 +56,7 @@ def load(path):
     if not kind:
         raise FileError(f"{path}: no line '% time [s], power [dBm]' or '% frequency [Hz], power [dBm]'")
     if len(rows) < SHORTEST:
-        raise FileError(f"{path}: {len(rows)} rows, {SHORTEST} or more wanted")
+        raise FileError(f"{path}: {len(rows)} rows, expected at least {SHORTEST}")
     x, power = np.array(rows).T
     order, order_findings = backwards.rising_order(_as_sheet(path, kind, x, power), kind == "ringdown", True)
     if order is not None:

@@ -51,11 +51,11 @@ def numeric_columns(path, table, names):
     out = {}
     for name in names:
         if name not in table:
-            raise FileError(f"{path}: no column {name!r}; there are {', '.join(list(table)[:20])}")
+            raise FileError(f"{path}: no column {name!r}; known: {', '.join(list(table)[:20])}")
         v = table[name]
         if v.dtype.kind not in "biuf":
             bad = next((str(c) for c in v.tolist() if not _is_number(str(c))), "")
-            raise FileError(f"{path}: column {name!r}: {bad[:40]!r} is no number")
+            raise FileError(f"{path}: column {name!r}: {bad[:40]!r} is not a number")
         v = v.astype(float)
         if not np.all(np.isfinite(v)):
             row = int(np.flatnonzero(~np.isfinite(v))[0])

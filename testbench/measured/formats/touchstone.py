@@ -61,15 +61,18 @@ def load(path):
             continue
         rows.append(_parse_frequency_row(path, number, fields))
         if len(rows[-1]) != len(rows[0]):
-            raise FileError(f"{path}: line {number}: {len(rows[-1])} numbers, the first row has {len(rows[0])}")
+            raise FileError(f"{path}: line {number}: {len(rows[-1])} numbers, but the first row has {len(rows[0])}")
         last = max(last, 10.0 ** _digits(fields[0]))
     if options is None or len(rows) < 16:
-        raise FileError(f"{path}: {len(rows)} rows and {'no' if options is None else 'an'} option line; not a sweep")
+        raise FileError(
+            f"{path}: {len(rows)} rows and {'no' if options is None else 'an'} option line; "
+            "a sweep needs an option line and at least 16 rows"
+        )
     unit, kind, ohm = options
     data = np.array(rows)
     ports = {3: 1, 9: 2}.get(data.shape[1])
     if ports is None:
-        raise FileError(f"{path}: {data.shape[1]} columns; 3 (one port) or 9 (two ports) wanted")
+        raise FileError(f"{path}: {data.shape[1]} columns; expected 3 (one port) or 9 (two ports)")
     frequency, rounding = data[:, 0] * unit, last * unit
     frequency, regular = _restore_frequency_grid(path, frequency, rounding, data)
     if kind == "db" and np.max(data[:, 1::2]) > MOST_DB:
@@ -98,13 +101,13 @@ def _options(path, number, line):
     option_match = re.fullmatch(r"\s*#\s*(\w+)\s+(\w)\s+(\w+)\s+R\s+(\S+)\s*", line, re.I)
     unit, kind = (option_match[1].lower(), option_match[3].lower()) if option_match else ("", "")
     if unit not in UNITS or option_match[2].lower() != "s" or kind not in ("db", "ma", "ri"):
-        raise FileError(f"{path}: line {number}: {line.strip()!r}: expected '# Hz S dB R 50' or its kin")
+        raise FileError(f"{path}: line {number}: {line.strip()!r}: expected an option line such as '# Hz S dB R 50'")
     try:
         ohm = float(option_match[4])
     except ValueError:
         ohm = math.nan
     if not 0 < ohm < 1e6:
-        raise FileError(f"{path}: line {number}: reference {option_match[4]} ohm")
+        raise FileError(f"{path}: line {number}: reference resistance {option_match[4]} ohm is outside 0 .. 1e6 ohm")
     return UNITS[unit], kind, ohm
 
 
@@ -114,7 +117,7 @@ def _restore_frequency_grid(path, frequency, rounding, data):
     sheet = Sheet(str(path), "sweep", (Column("frequency", "Hz", frequency, AXIS, resolution=rounding), *data_columns))
     backwards.rising_order(sheet, False, False)
     if frequency[-1] == frequency[0]:
-        raise FileError(f"{path}: frequencies stand still; a sweep upwards wanted")
+        raise FileError(f"{path}: all frequencies are equal; expected a rising sweep")
     grid = np.linspace(frequency[0], frequency[-1], len(frequency))
     if np.max(np.abs(grid - frequency)) <= 1.01 * rounding:
         return grid, True

@@ -48,7 +48,9 @@ def import_files(paths, map_path):
     """`Imported` of files, each from one power-on, and their map."""
     lab_map = record_map.read(map_path)
     if len(lab_map.power_on) > len(paths):
-        raise ConfigError(f"{map_path}: {len(lab_map.power_on)} [[power_on]] for {len(paths)} files")
+        raise ConfigError(
+            f"{map_path}: {len(lab_map.power_on)} [[power_on]] for {len(paths)} files; write at most one for each file"
+        )
     config = model(lab_map, map_path)
     boards = [recorded_board.import_board(path, lab_map, k, config) for k, path in enumerate(paths)]
     starts = np.cumsum([0] + [b.frames for b in boards]).tolist()
@@ -79,7 +81,7 @@ def _unreplayable(b):
     if not b.line.powered:
         return f"{b.path}: {b.line.words[-1]}"
     if not b.raw:
-        return f"{b.path}: its volts are not the converter's own codes"
+        return f"{b.path}: its volts do not correspond to integer codes of the converter"
     return f"{b.path}: rows are lost" if b.line.lost else ""
 
 
@@ -136,12 +138,16 @@ def _segments(lab_map, b, start, record, lacking, lines):
         if locked.any():
             lines.append(f"{b.path}: locked from {int(np.argmax(locked)) / dwells.FRAME_HZ:.4g} s on")
         else:
-            why = f"{b.path}: the replayed firmware does not lock: registers, volts per code or first frame are others"
+            why = (
+                f"{b.path}: the replayed firmware does not lock: registers, volts per code or the first frame are wrong"
+            )
             lacking = lacking or why
     else:
         locked = dwells.drive_locked(b.streams)
         first = int(np.argmax(locked)) / dwells.FRAME_HZ
-        lines.append(f"{b.path}: assumed: locked from {first:.4g} s on, where the drive keeps phase and amplitude")
+        lines.append(
+            f"{b.path}: assumed: locked from {first:.4g} s on, where phase and amplitude of the drive are constant"
+        )
     role = "validate" if b.is_validation else "fit"
     b.parts = dwells.find_segments(b.tracks, locked, lab_map.dwells, role)
     for p in b.parts:
@@ -161,7 +167,7 @@ def _outlook(record, lacking):
     if not lacking:
         return ()
     missing = [name for name in firmware_words.TRACED if name not in record.streams]
-    tracing_outlook = f"tracing needs {', '.join(missing)}" if missing else "tracing works"
+    tracing_outlook = f"tracing needs {', '.join(missing)}" if missing else "tracing is possible"
     return (f"words are not replayed: {lacking}", f"R0 is not decidable; {tracing_outlook}")
 
 

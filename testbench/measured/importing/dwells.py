@@ -156,6 +156,8 @@ def stated_segments(rows, begin, frames, where):
         first, end = (round(t * FRAME_HZ) - begin for t in (one.from_s, one.to_s))
         if first < 0 or end > frames:
             span = f"{begin / FRAME_HZ:g} .. {(begin + frames) / FRAME_HZ:g} s"
-            raise ConfigError(f"{where}: segment {one.id}: {one.from_s:g} .. {one.to_s:g} s, the file holds {span}")
+            raise ConfigError(
+                f"{where}: segment {one.id}: {one.from_s:g} .. {one.to_s:g} s is outside the file, which covers {span}"
+            )
         out.append(Part(one.id, first, end, one.kind, one.role, one.group or one.id))
     return out

@@ -152,12 +152,14 @@ def read(path):
     lab_map = inputs.validate_data(inputs.read_toml(path), Map, path, ConfigError)
     for name, stream in lab_map.columns.items():
         if name not in schema.STREAMS:
-            raise ConfigError(f"{path}: columns.{name}: is no stream; those are {', '.join(schema.STREAMS)}")
+            raise ConfigError(f"{path}: columns.{name}: is not a stream; known: {', '.join(schema.STREAMS)}")
         volts = stream.unit in PREFIX_V
         if stream.unit not in (*INTEGERS, *PREFIX_V) and name != "nco_fword":
-            raise ConfigError(f"{path}: columns.{name}: unit {stream.unit!r} is that of nco_fword alone")
+            raise ConfigError(f"{path}: columns.{name}: unit {stream.unit!r} is valid only for nco_fword")
         if volts and schema.STREAMS[name].unit not in ("code", "word"):
-            raise ConfigError(f"{path}: columns.{name}: {schema.STREAMS[name].unit} has no volts")
+            raise ConfigError(
+                f"{path}: columns.{name}: a stream in unit {schema.STREAMS[name].unit!r} cannot be given in volts"
+            )
     missing = [name for name in schema.ADC if name not in lab_map.columns]
     if missing:
         raise ConfigError(f"{path}: columns.{missing[0]} is missing; the four channels of the converter are required")

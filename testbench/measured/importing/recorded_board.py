@@ -58,7 +58,7 @@ def import_board(path, lab_map, k, config):
     values = {name: one.values for name, one in stream_codes.items()}
     line = time_line.line(path, numbers[time.column] if time else None, time, values)
     if len(line.rows) < 2:
-        raise FileError(f"{path}: {len(line.rows)} rows behind the power-on, expected two or more")
+        raise FileError(f"{path}: {len(line.rows)} rows after the power-on, expected at least two")
     profile, writes, heldout = lab_map.file_settings(k)
     log, tracks = _registers(lab_map, profile, writes, config)
     tracks = dwells.Tracks(*(t.shift_origin(line.begin) for t in tracks))
@@ -82,7 +82,7 @@ def _cut(b):
     """A lost code is lost for every later word: what is behind the first lost row is left out."""
     end = b.line.lost[0][0]
     b.words.append(
-        f"left out: all from frame {end} on, behind the first lost row, where no word follows; split the file"
+        f"left out: all rows from frame {end} on; no word can be replayed after the first lost row; split the file"
     )
     b.frames, b.streams = end, {name: v[:end] for name, v in b.streams.items()}
     b.line = b.line._replace(lost=())
@@ -103,7 +103,7 @@ def _registers(lab_map, profile, writes, config):
         elif one.detune_deg is not None:
             name, raw = "phase_drive_sine", (phase_word(one.detune_deg) + model_phase) % TURN
         if not lab_map.regmap_sha256 and (name not in registers.BY_NAME or registers.BY_NAME[name].access == "ro"):
-            raise ConfigError(f"write at {one.at_s:g} s: {name} is no register that can be written")
+            raise ConfigError(f"write at {one.at_s:g} s: {name} is not a writable register")
         if not lab_map.regmap_sha256 and not registers.BY_NAME[name].fmt.holds(raw):
             fmt = registers.BY_NAME[name].fmt
             raise ConfigError(f"write at {one.at_s:g} s: {name} = {raw} is outside {fmt.lo} .. {fmt.hi}")

@@ -39,7 +39,7 @@ class Line(NamedTuple):
 def _frame_steps(path, stamps_s):
     """(frames of each step, frames to a row, lines) of time stamps; FileError where they are no grid."""
     if np.abs(stamps_s).max() > MOST_S:
-        raise FileError(f"{path}: a stamp of {np.abs(stamps_s).max():.4g} s, at most {MOST_S:g} s are expected")
+        raise FileError(f"{path}: a time stamp of {np.abs(stamps_s).max():.4g} s is above the limit {MOST_S:g} s")
     steps = np.diff(stamps_s) / FRAME_S
     if len(steps) and steps.min() < -STAMP_TOLERANCE:
         row = int(np.argmin(steps)) + 2
@@ -59,7 +59,7 @@ def _frame_steps(path, stamps_s):
         row = int(np.argmax(off))
         raise FileError(f"{path}: row {row + 2}: a step of {steps[row]:.3f} rows, expected a whole number")
     if counts.sum() > MOST_LOST * len(stamps_s):
-        raise FileError(f"{path}: stamps span {counts.sum():.0f} rows, the file has {len(stamps_s)}")
+        raise FileError(f"{path}: time stamps span {counts.sum():.0f} rows, but the file has {len(stamps_s)}")
     return counts.astype(np.int64), decimated, _rate(stamps_s, np.concatenate([[0], np.cumsum(counts)]) * decimated)
 
 
@@ -70,7 +70,7 @@ def _rate(stamps_s, frames):
     slope, at = np.polyfit(frames, stamps_s - stamps_s[0], 1)
     scatter = float(np.std(stamps_s - stamps_s[0] - slope * frames - at))
     ppm = 1e6 * (slope / FRAME_S - 1)
-    return (f"rate: {1 / slope:.6f} frames/s by its stamps, {ppm:+.3g} ppm; scatter {scatter:.2g} s",)
+    return (f"rate: {1 / slope:.6f} frames/s by the time stamps, {ppm:+.3g} ppm; scatter {scatter:.2g} s",)
 
 
 def line(path, stamps, time, codes):
@@ -89,7 +89,7 @@ def line(path, stamps, time, codes):
         again = np.flatnonzero(counts == 0) + 1
         differing = [k for k in again if any(codes[name][k] != codes[name][k - 1] for name in schema.ADC)]
         if differing:
-            raise FileError(f"{path}: row {differing[0] + 1}: two rows of one time with different codes")
+            raise FileError(f"{path}: row {differing[0] + 1}: two rows have the same time and different codes")
         if len(again):
             words += (f"left out: {len(again)} repeated rows, the first is row {again[0] + 1}",)
         frames = np.concatenate([[0], np.cumsum(counts)]) * decimated
@@ -100,7 +100,7 @@ def line(path, stamps, time, codes):
     powered, first, how = _power_on(zero[rows], frames, stamps, time, decimated)
     if lost:
         words += (
-            f"lost: {sum(n for _, n in lost)} frames in {len(lost)} gaps, the first behind frame {lost[0][0] - 1}",
+            f"lost: {sum(n for _, n in lost)} frames in {len(lost)} gaps, the first after frame {lost[0][0] - 1}",
         )
     if not powered:
         return Line(rows, frames - frames[0], decimated, False, max(first, 0), _rebase(lost, frames[0]), (*words, how))
@@ -118,15 +118,15 @@ def _power_on(zero, frames, stamps, time, decimated):
     since_s = np.clip((stamps[0] - time.power_on) * TIME_S[time.unit], -MOST_S, MOST_S) if stamped else 0.0
     first = round(since_s / FRAME_S)
     if decimated > 1:
-        return False, first, f"a row is {decimated} frames: no word can be replayed"
+        return False, first, f"a row covers {decimated} frames: no word can be replayed"
     count = int(np.argmin(zero)) if not zero.all() else 0
     if count:
         how = f"power-on: frame 0 is row {count}, the last in which no channel has a conversion"
         return True, int(frames[count - 1]), how
     if not stamped:
-        return False, 0, "no row without a conversion, and no stamp of the power-on: no word can be replayed"
+        return False, 0, "no row without a conversion, and no time stamp of the power-on: no word can be replayed"
     if first <= 1:
         # the first conversion arrives in frame 1
-        return True, int(frames[0]) - 1, "power-on: by its stamp; the first row is frame 1"
-    text = f"the first row is frame {first} by its stamp: {first - 1} conversions are missing"
+        return True, int(frames[0]) - 1, "power-on: found by its time stamp; the first row is frame 1"
+    text = f"the first row is frame {first} by its time stamp: {first - 1} conversions are missing"
     return False, first, f"{text}, no word can be replayed"

@@ -1,7 +1,7 @@
 """One mode of the plant, free-run: exact propagation of the plant's resonator, laws of `effects.law` as impulses.
 
     force = k_vf u(t), u straight between its samples           z' = A z + b0 u_n + b1 u_(n+1)    z = (x, vx/W)
-    at each tick first  vx/W += sum of the laws' impulses       the order of the plant (docs/parts/ports.md)
+    at each tick first  vx/W += sum of the laws' impulses       the order of the plant (analog_frontend/top.py)
 The mode has 1 kg and 1 V per metre at its pick-off: data in volts fix neither.
 """
 

@@ -7,7 +7,7 @@ large amplitude would start by itself.
 # name, product (see effects/law.py), sign, words
 FORCES = (
     ("duffing", "x^3", 0, "cubic spring"),
-    ("spring_square", "x^2", 0, "square spring"),
+    ("spring_square", "x^2", 0, "quadratic spring"),
     ("spring_abs", "abs(x) x", 0, "spring that stiffens with |x|"),
     ("spring_quintic", "x^5", 0, "fifth-order spring"),
     ("damping_quadratic", "abs(vx) vx", 1, "damping that grows with speed"),
@@ -16,10 +16,10 @@ FORCES = (
     ("damping_speed_cubed", "vx^3", 1, "damping that grows with the square of speed"),
     ("coulomb_friction", "sgn(vx)", 1, "dry friction"),
     ("inertia", "x vx^2", 0, "inertia that changes with displacement"),
-    ("drive_cubic", "u^3", 0, "cubic force of the drive voltage"),
-    ("drive_square", "u^2", 0, "square force of the drive voltage"),
-    ("softening_drive", "u^2 x", 0, "spring that the drive voltage softens"),
-    ("drive_times_x", "u x", 0, "spring that follows the drive voltage"),
+    ("drive_cubic", "u^3", 0, "force that grows with the cube of the drive voltage"),
+    ("drive_square", "u^2", 0, "force that grows with the square of the drive voltage"),
+    ("softening_drive", "u^2 x", 0, "spring that changes with the square of the drive voltage"),
+    ("drive_times_x", "u x", 0, "spring that changes with the drive voltage"),
 )
 GRAMMAR = (
     ("x^4", "x^4"),

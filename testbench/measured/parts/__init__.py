@@ -1,4 +1,4 @@
 """Single parts against recordings: each module states the model of a part as a problem that the tracing core reads.
 
-Source  docs/measured_parts.md
+Source  docs/measured_results.md
 """

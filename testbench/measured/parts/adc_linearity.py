@@ -6,7 +6,7 @@
 Noise    of a point about everything smooth in source, environment and time: a + b u^2, at least the spread of the
          readings behind a point; part of it is the source's, in all meters at once: what the quietest of them share
 Roles    stretches of eight points take turns: one chooses, the next judges
-Source   docs/measured_parts.md
+Source   docs/measured_results.md
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ from testbench.measured.quality.rows import series
 from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 
 STRETCH = 8
-PAGE = "docs/parts/adc.md"
+PAGE = "analog_frontend/parts/adc.py"
 WARM_S = (120.0, 600.0, 1800.0)
 SETTLE_S = (1200.0, 2400.0)  # a meter follows the room with a delay
 LAWS_PER_METER = 4  # at most, on average
@@ -56,8 +56,8 @@ def shapes(data):
     before = np.concatenate([[u[0]], u[:-1]])
     out = {
         "turnover": ("gain differs between the polarities", _turnover(u)),
-        "polarity offset": ("another offset behind the change of polarity", np.sign(u)),
-        "memory": ("part of the point before is left", before - u),
+        "polarity offset": ("offset differs between the polarities", np.sign(u)),
+        "memory": ("part of the previous point remains", before - u),
     }
     for n in (2, *range(4, 2 + adc.CURVE)):
         out[f"curve T{n}"] = ("Chebyshev polynomial of the transfer's curve", _chebyshev(n, u))
@@ -70,10 +70,10 @@ def shapes(data):
     for column, x in rows.items():
         span, x = np.max(np.abs(x - np.mean(x))), normalise_series(x)
         if x is not None:
-            out[f"gain with {column}"] = (f"gain follows it; 1 is {span:.4g} of it", x * u)
-            out[f"offset with {column}"] = (f"offset follows it; 1 is {span:.4g} of it", x)
+            out[f"gain with {column}"] = (f"gain proportional to it; coefficient for a change of {span:.4g}", x * u)
+            out[f"offset with {column}"] = (f"offset proportional to it; coefficient for a change of {span:.4g}", x)
     for tau in WARM_S:
-        out[f"start {tau:g} s"] = ("transient behind the start", np.exp(-(data.seconds - data.seconds[0]) / tau))
+        out[f"start {tau:g} s"] = ("transient after the start", np.exp(-(data.seconds - data.seconds[0]) / tau))
     return out
 
 
@@ -108,10 +108,10 @@ def smooth_fit_residuals(data):
     q, s, _ = np.linalg.svd(a, full_matrices=False)
     q = q[:, s > 1e-9 * s[0]]
     if len(u) <= q.shape[1]:
-        raise FileError(f"{data.path}: {len(u)} points, more than {q.shape[1]} wanted")
+        raise FileError(f"{data.path}: {len(u)} points, expected more than {q.shape[1]}")
     residual = (error - q @ (q.T @ error)) * np.sqrt(len(u) / (len(u) - q.shape[1]))
     if not np.all(robust(residual) > LEAST_UV):
-        raise FileError(f"{data.path}: readings without noise above {LEAST_UV:g} uV; measured ones wanted")
+        raise FileError(f"{data.path}: readings have no noise above {LEAST_UV:g} uV; expected measured readings")
     return residual
 
 

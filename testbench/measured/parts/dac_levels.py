@@ -9,7 +9,7 @@ Noise    of a session: white from its own scatter, slow from the differences bet
          correlation over the code). One session alone: its own white scatter, and no more is said.
          Never below step / sqrt(12) of the print
 Roles    the first sessions choose, the others judge
-Source   docs/measured_parts.md
+Source   docs/measured_results.md
 """
 
 from itertools import pairwise
@@ -31,7 +31,7 @@ from testbench.tracing.problem.problem import Law, Nuisance, Observable, Segment
 BLOCKS = 1024
 SEGMENTS = (4, 8, 16, 32)
 SCALE_LSB = 1.0  # plausible size of any coefficient
-PAGE = "docs/parts/dac_levels.md"
+PAGE = "analog_frontend/dac_levels.py"
 MOST_LAWS = 4
 LEAST_LSB = 1e-9  # of the noise of levels that were measured
 LOCAL = 32  # blocks over which the slow noise is of one size
@@ -185,13 +185,13 @@ class Levels(LinearProblem, adds="bits"):
 def problem(sessions, bits, name="levels of a DAC", hashes=None, fit=None):
     """`LinearProblem` of sessions; `fit`: indices of those that choose (default: the first half)."""
     if bits < 9:
-        raise ConfigError(f"{name}: {bits} bits, at least 9 wanted")
+        raise ConfigError(f"{name}: {bits} bits, expected at least 9")
     for a, b in pairwise(sessions):
         if np.array_equal(a.error_lsb, b.error_lsb):
-            raise ConfigError(f"{name}: {a.name} and {b.name} have the same levels; sessions of their own wanted")
+            raise ConfigError(f"{name}: {a.name} and {b.name} have the same levels; give separate sessions")
     for s in sessions:
         if not white_sd(s.error_lsb) > LEAST_LSB:
-            raise ConfigError(f"{name}: {s.name} has no noise above {LEAST_LSB:g} LSB; measured levels wanted")
+            raise ConfigError(f"{name}: {s.name} has no noise above {LEAST_LSB:g} LSB; expected measured levels")
     laws, families, shapes = catalogue(bits)
     size, blocks = block_codes(bits), min(BLOCKS, 1 << bits)
     nuisances = (Nuisance("bow", "LSB", 0.0, np.inf, 1.0),)
@@ -229,7 +229,7 @@ def sessions_by_channel(files):
         raise ConfigError(f"levels: sessions of {sorted(f.bits for f in files)} bits, expected one width")
     common = [c for c in files[0].channels if all(c in f.channels for f in files)]
     if not common:
-        raise ConfigError(f"levels: no variable that all of {', '.join(str(f.path) for f in files)} have")
+        raise ConfigError(f"levels: no variable is common to {', '.join(str(f.path) for f in files)}")
     out = {}
     for c in common:
         sessions = []
@@ -268,6 +268,9 @@ def opener(paths, options):
         except ValueError:
             raise ConfigError(f"--option fit={options['fit']}: numbers of sessions joined by +, such as 2+3") from None
         if not fit or not set(fit) < set(range(len(files))):
-            raise ConfigError(f"--option fit={options['fit']}: of 1 .. {len(files)}, at least one left to judge")
+            raise ConfigError(
+                f"--option fit={options['fit']}: expected numbers within 1 .. {len(files)}, "
+                "with at least one session held out"
+            )
     hashes = {f"session {k}": f.sha256 for k, f in enumerate(files, 1)}
     return problem(channels[name], files[0].bits, f"levels of a DAC, {name}", hashes, fit)

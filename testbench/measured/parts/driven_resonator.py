@@ -6,7 +6,7 @@
                 gain and frequency that drift with time                              preparation
 Noise comes from what a periodic input repeats, in this record or in a further one of the same part; without any, from
 the output where the input has no power. It is taken as white: its spectrum falls by 40 dB beyond the input's band, and
-whitening by it would judge the model there, by its interpolation of the input.   Source    docs/measured_resonators.md
+whitening by it would judge the model there, by its interpolation of the input.   Source    docs/measured_results.md
 """
 
 from typing import NamedTuple
@@ -28,8 +28,8 @@ SCALE = 0.3  # plausible size of a law, as force over that of the spring, at the
 OUTPUTS = (
     ("pickoff_cubic", "1/V^2", "cubic of the output stage", "instrument", 3),
     ("pickoff_square", "1/V", "square of the output stage", "instrument", 2),
-    ("feedthrough", "V/V", "input that leaks to the output", "instrument", 0),
-    ("skew", "s", "output sampled later than the input", "instrument", 0),
+    ("feedthrough", "V/V", "input that feeds through to the output", "instrument", 0),
+    ("skew", "s", "output that is sampled later than the input", "instrument", 0),
 )
 
 
@@ -54,12 +54,12 @@ def _catalogue(rms_v, fs_hz):
             Law(
                 name,
                 "force_x",
-                f"{words}: F = -k c {text}, velocities over w",
+                f"{words}: F = -k c {text}, velocities divided by w",
                 unit,
                 SCALE * rms_v ** (1 - n),
                 sign,
                 kind="plant",
-                page=f"docs/effects/{name}.md" if name in PAGES else "docs/measured_resonators.md",
+                page=f"analog_frontend/effects/{name}.py" if name in PAGES else "docs/measured_results.md",
             )
         )
     for name, unit, words, kind, n in OUTPUTS:
@@ -251,11 +251,11 @@ def problem_from_records(first, digest, further_records=()):
         notes.append(f"noise from {len(noises)} stretches that repeat: {floor:.3f} mV rms without hum")
     else:
         floor = quiet_band_sd(first)
-        notes.append(f"nothing repeats: noise taken as white, {floor:.3f} mV from the band without input")
+        notes.append(f"no stretch repeats: noise assumed white, {floor:.3f} mV rms from the band without input")
     floor = max(floor, 1e3 * series.rounding_noise(first.output_v))
     noise = Noise.white_noise(floor)
     if first.overloaded:
-        notes.append("the digitiser says that it was overloaded")
+        notes.append("the file says that the digitiser was overloaded")
     wide = mode.upsample(first.input_v, TICKS)
     plan = splits.split(digest, len(first.input_v))
     pieces = []
@@ -318,5 +318,5 @@ def opener(paths, options):
     except ValueError:
         fs_hz = np.nan
     if not 0 < fs_hz < 1e9:
-        raise ConfigError(f"--option fs_hz={options['fs_hz']}: sampling rate in Hz wanted")
+        raise ConfigError(f"--option fs_hz={options['fs_hz']}: expected a sampling rate in Hz, above 0 and below 1e9")
     return problem(paths, fs_hz)

@@ -8,7 +8,7 @@
 Features  10 log10 of the periodogram, averaged over parts of a chunk and over bins 3 % wide (dB); the bias of the
           logarithm of chi2 is taken off, its sd is the floor. Chunks in time: the first 60 % choose, the rest judges
 N-effects (colour of noise) and deterministic ones (bias) are told apart by their observable
-Source    docs/measured_parts.md
+Source    docs/measured_results.md
 """
 
 import copy
@@ -32,7 +32,7 @@ DRIFT_S = (1000.0, 3000.0)
 WARM_S = (300.0, 1000.0, 3000.0)
 MEANS = 12  # stretches per chunk whose means make the bias
 DB = 10.0 / np.log(10.0)
-PAGE = "docs/effects/rate_vibration.md"
+PAGE = "analog_frontend/effects/rate_vibration.py"
 
 
 class Bins:
@@ -124,7 +124,7 @@ def _axis_laws(axis, density, rate_hz):
 
 def _settling(name):
     """Laws of a vibration that is part of the model."""
-    words = "its frequency settles behind the start"
+    words = "its frequency settles after the start"
     return [
         Law(f"{name} settling in {tau:g} s", "rate", words, "1", 0.1, 0, 1e-5, "preparation", PAGE) for tau in DRIFT_S
     ]
@@ -259,7 +259,7 @@ class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes na
                     f0 = f0 * (1 + values.get(f"{name} settling in {tau:g} s", 0.0) * np.exp(-time_s / tau))
                 s = s + power * line(hz, f0, quality)
         if not np.all(s > 0) or not np.all(np.isfinite(s)):
-            raise PredictionFailed(f"axis {axis}: density is not positive")
+            raise PredictionFailed(f"axis {axis}: the spectral density is not positive")
         return s
 
     def predict(self, points, which):

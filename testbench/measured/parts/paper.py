@@ -3,7 +3,7 @@
     a row      number, role, model's value by phase budget and linear loop, verdict and its basis: testbench.judge
     a rival    an explanation with what it predicts for the same number, and what would tell it from the others
 Only one number stands behind most questions, so no rival is a winner: a number is never "caused by" one.
-Source    docs/measured_parts.md, docs/phases.md
+Source    docs/measured_results.md, docs/phases.md
 """
 
 import html
@@ -38,8 +38,8 @@ def report(paths, options):
     rivals_by_number = rivals(Numbers(paths[0]))
     data = {
         "verdict": "unexplained" if any(r.verdict == CONTRADICTED for r in rows) else "none",
-        "sentence": f"{sentence(rows)} Contradicted numbers have rivals that one printed number each does not tell "
-        "apart: none is declared the cause",
+        "sentence": f"{sentence(rows)} Each contradicted number has rival explanations. One printed number cannot "
+        "distinguish them, so none is declared the cause",
         "effects": [],
         "heldout": {},
         "questions": [_question(r, _find_rivals(r.number, rivals_by_number)) for r in rows],

@@ -5,7 +5,7 @@
     noise        square root of the absolute temperature
 
 What the model says of the numbers and the verdict are the judge's.
-Source    docs/measured_parts.md, docs/phases.md
+Source    docs/measured_results.md, docs/phases.md
 """
 
 import math
@@ -19,7 +19,7 @@ from testbench.run import budget
 
 RATES = (0.1, 0.5, 1, 5, 10, 50, 100, 200, 300, 400, 500)
 COUPLING_DPS = 100.0  # quadrature of the paper's k_xy, at V_q = 4.5247 V
-RAIL_V = 5.5  # of the quadrature DAC, docs/parts/dac.md
+RAIL_V = 5.5  # of the quadrature DAC, analog_frontend/parts/dac.py
 HOT_K, COLD_K = 323.15, 253.15
 MEAN, STEP = "mean of cases", "case 3 vs case 4"
 
@@ -62,12 +62,12 @@ def _feedback(numbers, planned):
     retimed = Rival(
         "references re-timed on the 1 MHz grid (in the model)",
         f"{node['xe1']:.3f} deg",
-        "scope: instants of the reference edges lie on the grid, or do not",
+        "oscilloscope: whether the reference edges lie on the grid",
     )
     faster = Rival(
         "references not re-timed, SPI at a faster clock",
-        f"{plain:.3f} deg at 26 MHz SPI; the paper's needs {(plain - xe1) / us * 1e3:.0f} ns less",
-        "scope: length of an SPI frame",
+        f"{plain:.3f} deg at 26 MHz SPI; the paper's value needs {(plain - xe1) / us * 1e3:.0f} ns less",
+        "oscilloscope: length of an SPI frame",
     )
     frame = Rival(
         "one extra 1 us frame in the sense path (in the model)",
@@ -77,7 +77,7 @@ def _feedback(numbers, planned):
     pole = Rival(
         "no extra frame, an analogue reconstruction pole",
         f"{short:.3f} deg + arctan(2 pi f tau), tau = {tau_ns:.0f} ns",
-        f"gain: the pole attenuates by {loss:.2f} %, a delay by nothing; a force step on a scope",
+        f"gain: the pole attenuates by {loss:.2f} %, a delay does not; a force step on an oscilloscope",
     )
     return {("phi_xe1", "case 1", ROOM): (retimed, faster), ("phi_ye1", "case 3", ROOM): (frame, pole)}
 
@@ -114,7 +114,7 @@ def _quadrature_change_dps(numbers, t):
     change = numbers.get("Vq", "case 3 vs case 4", t)
     change_dps = COUPLING_DPS * (1 - (1 - change) ** 2)
     if change_dps == 0:
-        raise FileError(f"{numbers.path}: Vq: a change of {change:g} from case 3 to case 4 leaves its square as it was")
+        raise FileError(f"{numbers.path}: Vq: a change of {change:g} from case 3 to case 4 does not change its square")
     return change_dps
 
 
@@ -125,12 +125,12 @@ def _quadrature(numbers, t):
     return (
         Rival(
             "V_q is the mean over the 22 rates",
-            f"{share:.4f}, by V_q^2 = rest^2 (1 + rate tan(phi_ye1) / 100 deg/s) and the 5.5 V rail",
+            f"{share:.4f}, by V_q^2 = V_q(0)^2 (1 + rate tan(phi_ye1) / 100 deg/s) and the 5.5 V rail",
             "V_q at rest alone, and against rate",
         ),
         Rival(
             "an in-phase force, turned by phi_ye1",
-            f"{force:.0f} deg/s of it give the printed change; the bias is below 1 deg/s",
+            f"{force:.0f} deg/s of this force give the printed change; the bias is below 1 deg/s",
             "bias against V_q with the quadrature loop open",
         ),
         Rival("charging or drift between the cases", "any, without a register write", "case 3, 4, 3, 4 in turn"),
@@ -143,7 +143,11 @@ def _bias(numbers, t):
     leak = math.degrees(math.atan(step / _quadrature_change_dps(numbers, t)))
     turned = bias * (1 / math.cos(math.radians(ye1)) - 1)
     return (
-        Rival("shares its cause with V_q", f"a leak of {leak:.2f} deg of what V_q has moved by", "bias against V_q"),
+        Rival(
+            "shares its cause with V_q",
+            f"a leak of {leak:.2f} deg of the quadrature by which V_q changed",
+            "bias against V_q",
+        ),
         Rival("damping coupling, divided by cos(phi_ye1)", f"{turned:.4f} deg/s", "bias against phi_ye1"),
     )
 
@@ -154,12 +158,14 @@ def _noise_rivals(numbers, symbol):
     law = math.sqrt(HOT_K / COLD_K)
     return (
         Rival(
-            "thermal noise of resistors or resonator", f"50 over -20 degC: {law:.4f}", f"{symbol} at five temperatures"
+            "thermal noise of resistors or resonator",
+            f"ratio of 50 degC to -20 degC: {law:.4f}",
+            f"{symbol} at five temperatures",
         ),
         Rival(
-            "gain of the C/V falls, the noise behind it stays",
+            "the gain of the C/V falls, the noise after it does not",
             f"the same ratio in both: {other} has {ratio:.4f}",
-            "noise with the drive off against the same with the drive on",
+            "noise with the drive off compared with the drive on",
         ),
         Rival("the motion becomes smaller", "as 1 / amplitude, and A_d with it", "A_d and C/V amplitude"),
     )

@@ -6,7 +6,7 @@
                 second mode, rate that drifts with time                                              preparation
 The averages over a period of the plant's force laws: F = -d x^2 vx gives dA/dt = -(d/8m) A^3, and P goes with A^2.
 Stretch that decays: found in the data; what stands before it (drive on), behind it (floor) and at steps of the
-receiver is named in the notes and left out.   Source    docs/measured_resonators.md
+receiver is named in the notes and left out.   Source    docs/measured_results.md
 """
 
 from pathlib import Path
@@ -102,8 +102,8 @@ def _decay_laws(power_uw, rate):
     def force(name, n, words):
         half = 2 * (n - 1)
         unit = "1/(s uW)" if n == 2 else f"1/(s uW^{n - 1:g})" if n > 1 else "uW^0.5/s"
-        law_text = f"{words}: dP/dt = -c P^{n:g}; force with power {half + 1:g} of the amplitude"
-        page = "docs/measured_resonators.md" if name == "damping_quintic" else f"docs/effects/{name}.md"
+        law_text = f"{words}: dP/dt = -c P^{n:g}; force grows with power {half + 1:g} of the amplitude"
+        page = "docs/measured_results.md" if name == "damping_quintic" else f"analog_frontend/effects/{name}.py"
         return Law(name, "force_x", law_text, unit, float(rate * power_uw ** (1 - n)), 1, page=page)
 
     return (
@@ -113,17 +113,17 @@ def _decay_laws(power_uw, rate):
         force("damping_quintic", 3.0, "damping that grows with the fourth power of the amplitude, F = -d x^4 vx"),
         Law("added_power", "detector", "power that the receiver adds", "nW", 1.0, sign=1, kind="instrument"),
         Law("compression", "detector", "receiver that saturates", "1/uW", float(0.3 / power_uw), 1, kind="instrument"),
-        Law("log_bias", "detector", "logarithm that bends", "dB/dB^2", 1e-3, kind="instrument"),
+        Law("log_bias", "detector", "curvature of the logarithmic detector", "dB/dB^2", 1e-3, kind="instrument"),
         Law(
             "second_mode",
             "preparation",
-            "second mode excited too, three times as fast",
+            "second mode, also excited, that decays three times as fast",
             "1",
             0.3,
             1,
             kind="preparation",
         ),
-        Law("rate_drift", "preparation", "rate that drifts over the record", "1", 0.1, kind="preparation"),
+        Law("rate_drift", "preparation", "decay rate that drifts over the record", "1", 0.1, kind="preparation"),
     )
 
 
@@ -176,11 +176,15 @@ def _select_decay(trace, background_dbm):
     while True:
         fall = p[a] - p[b - 1] if b > a else 0.0
         if b - a < FEWEST or fall < LEAST_DB:
-            shortfall_text = f"{b - a} samples decay by {fall:.1f} dB, {FEWEST} samples and {LEAST_DB:g} dB wanted"
+            shortfall_text = (
+                f"{b - a} samples decay by {fall:.1f} dB, expected at least {FEWEST} samples and {LEAST_DB:g} dB"
+            )
             raise FileError(f"{trace.path}: {shortfall_text}")
         its = noise(t[a:b], p[a:b])
         if its is None:
-            raise FileError(f"{trace.path}: the decay has no noise above {LEAST_NOISE_DB:g} dB; measured power wanted")
+            raise FileError(
+                f"{trace.path}: the decay has no noise above {LEAST_NOISE_DB:g} dB; expected measured power"
+            )
         its = its._replace(white_sd=max(its.white_sd, series.rounding_noise(p)))
         end = _until(a, b, its.sd > CLEAR_SD_DB)
         if end == b:
@@ -203,7 +207,7 @@ def piece_from_trace(trace, fitted, background_dbm=None):
     if b < len(t):
         steps = [i for i in jumps(p) if i > b]
         what = f", with a step of the receiver at {t[steps[0]]:.2f} s" if steps else ""
-        notes.append(f"{number}: from {t[b - 1]:.2f} s on too near to its background{what}: left out")
+        notes.append(f"{number}: from {t[b - 1]:.2f} s on too near the background{what}: left out")
     t, p = t[a:b] - t[a], p[a:b]
     if fitted:
         scored, setup = np.arange(len(t)), np.arange(0)
@@ -227,7 +231,7 @@ def problem(traces):
     levels = [v for v in (background(trace.power_dbm) for trace in traces) if v is not None]
     level = min(levels, default=None)
     if level is not None:
-        notes.append(f"background beside the decay: {level:.1f} dBm")
+        notes.append(f"background power: {level:.1f} dBm")
     if len(traces) == 1:
         piece, piece_notes = piece_from_trace(traces[0], False, level)
         notes += piece_notes
@@ -279,5 +283,7 @@ def opener(paths, options):
         return None
     samples = sorted({trace.sample for trace in traces})
     if len(samples) > 1:
-        raise FileError(f"{paths[0]}: runs of {len(samples)} samples ({', '.join(samples)}); one at a time")
+        raise FileError(
+            f"{paths[0]}: runs of {len(samples)} samples ({', '.join(samples)}); trace one sample at a time"
+        )
     return problem(traces)

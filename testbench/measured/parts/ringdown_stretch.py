@@ -5,7 +5,7 @@
     background  mean power that stands behind the fall, or before the first jump of the record
     noise       `models.noise`: white, and coloured of variance c + d / P (dB^2), as of a background beside the signal;
                 from what a spline over the fall leaves
-Source    docs/measured_resonators.md
+Source    docs/measured_results.md
 """
 
 import numpy as np

@@ -5,7 +5,7 @@
     limit     ln(N / ALPHA), N from the mean of the largest T of simulated single-mode sweeps: ln N + Euler's constant
     taken     T, told in what is left with the mode, is above the limit; what is left is at the floor; and no law of the
               first mode, refitted with all its unknowns, leaves less than the limit more
-Rows: those that are fitted.   Source    Gross & Vitells (2010) for the limit; docs/measured_resonators.md
+Rows: those that are fitted.   Source    Gross & Vitells (2010) for the limit; docs/measured_results.md
 """
 
 from typing import NamedTuple
@@ -35,9 +35,8 @@ class Second(NamedTuple):
     def words(self):
         hz, sd = float(np.exp(self.ln_g)) / TWO_PI, self.sd
         mode_text = f"a second mode at {self.f_hz:.2f} +- {sd[0]:.2g} Hz, {hz:.3g} +- {hz * sd[1]:.2g} Hz wide"
-        return (
-            f"{mode_text}, {np.sqrt(2 * self.gain):.1f} sigma (limit {np.sqrt(2 * self.limit):.1f}): part of the model"
-        )
+        significance = f"{np.sqrt(2 * self.gain):.1f} sigma (limit {np.sqrt(2 * self.limit):.1f})"
+        return f"{mode_text}, {significance}: included in the model"
 
 
 def fit(columns_of, piece, s, used, q, scales, law=""):

@@ -8,7 +8,7 @@
     laws        r (instrument); f0 and g that change with |K a|^2 (force_x: x^3, x^2 vx); receiver that waits first,
                 source that kicks at each step (instrument); step of the path where S11 steps (instrument)
 Envelope of one mode of `analog_frontend.parts.resonator`: a is its amplitude in the frame of the source.
-Files become this problem in swept_resonator.py.   Source    docs/measured_resonators.md
+Files become this problem in swept_resonator.py.   Source    docs/measured_results.md
 """
 
 from typing import NamedTuple
@@ -111,23 +111,23 @@ def envelope(f_hz, f0_hz, g_per_s, effects):
 
 def sweep_laws(has_steps, g, width_hz, level):
     def plant(name, text, unit, scale, sign=0):
-        return Law(name, "force_x", text, unit, scale, sign, page=f"docs/effects/{name}.md")
+        return Law(name, "force_x", text, unit, scale, sign, page=f"analog_frontend/effects/{name}.py")
 
     def analyser(name, text, unit, scale, sign=0):
         return Law(name, "instrument", text, unit, scale, sign, kind="instrument")
 
     laws = [
         analyser("sweep_rate", "sweep faster than the mode rings down", "points/s", 1000.0, 1),
-        plant("duffing", "f0 moves with the square of the amplitude", "Hz at full response", width_hz),
+        plant("duffing", "f0 that changes with the square of the amplitude", "Hz at full response", width_hz),
         plant("damping_cubic", "damping that grows with the square of the amplitude", "1/s at full response", g, 1),
-        analyser("receiver_wait", "share of a step that the receiver waits", "1", 0.1, 1),
-        analyser("kick_re", "source interrupted at each step", "us", 1.0),
-        analyser("kick_im", "phase of the source jumps at each step", "us", 1.0),
+        analyser("receiver_wait", "part of a step before the receiver measures", "1", 0.1, 1),
+        analyser("kick_re", "source that is interrupted at each step", "us", 1.0),
+        analyser("kick_im", "phase of the source that jumps at each step", "us", 1.0),
     ]
     if has_steps:
         laws += [
-            analyser("path_step_re", "path that steps where S11 does, real", "1", 0.01 * level),
-            analyser("path_step_im", "path that steps where S11 does, imaginary", "1", 0.01 * level),
+            analyser("path_step_re", "direct path that steps where S11 steps, real part", "1", 0.01 * level),
+            analyser("path_step_im", "direct path that steps where S11 steps, imaginary part", "1", 0.01 * level),
         ]
     return laws
 
@@ -161,7 +161,9 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
     def abscissa(self, piece):
         f = piece.data.f_hz - piece.data.f_hz[0]
         step = f[1] - f[0]
-        return np.concatenate([f, f[-1] + step + f]), f"Hz above {piece.data.f_hz[0]:.0f}; imaginary part behind"
+        return np.concatenate(
+            [f, f[-1] + step + f]
+        ), f"Hz above {piece.data.f_hz[0]:.0f}; imaginary part after the real part"
 
     def where(self, piece, residual, values, laws):
         """Of the rest's power: its share near the peak, its share across the response, `images` of the peak."""
@@ -177,17 +179,20 @@ class SweptResonator(Part, adds="offset response any_waveform columns second"):
         response = 1e3 * self.response(piece, values, laws)[piece.scored[:n]]
         share, p, phase = across(residual[:n] + 1j * residual[n:], response)
         residual_measures |= {"across": share, "across_p": p, "phase_mrad": 1e3 * phase}
-        words += f"; where the response is strong {100 * share:.0f} % of it lies across it (chance: half; p {p:.2g})"
-        words += f", its phase is off by {1e3 * phase:.1f} mrad rms" if p < 0.05 else ""
+        words += f"; where the response is strong {100 * share:.0f} % of it is orthogonal to the response "
+        words += f"(by chance: half; p {p:.2g})"
+        words += f", the phase differs by {1e3 * phase:.1f} mrad rms" if p < 0.05 else ""
         if rate > 0:
             residual_measures["any_waveform"] = best = self.any_waveform(piece, values, laws)
-            words += "; any waveform of source and receiver, the same in each step and fitted to this very sweep, "
-            words += f"leaves {best:.3g}e-3, {best / piece.floor:.2g} times the noise: it changes from step to step"
+            words += "; any waveform of source and receiver, equal in all steps and fitted to this sweep, "
+            words += f"leaves {best:.3g}e-3, {best / piece.floor:.2g} times the noise: "
+            words += "the residual changes from step to step"
         if rate > 0 and np.ptp(f) > 5 * rate:
             ratio, p = images(f, power, rate)
             residual_measures |= {"images_ratio": ratio, "images_p": p, "images_hz": rate}
             images_text = "images of the peak there" if p < 0.05 else "no images of it there"
-            words += f"; every {rate:.0f} Hz from it {ratio:.2f} times the power beside (p {p:.2g}): {images_text}"
+            words += f"; every {rate:.0f} Hz from the peak {ratio:.2f} times the power next to these points "
+            words += f"(p {p:.2g}): {images_text}"
         return residual_measures | {"words": words}
 
     def offset(self, piece, values, laws):

@@ -3,7 +3,7 @@
     window    half way to the next peak; two thirds of at most WIDEST points lie behind the peak, where it still rings
     one file  even rows are fitted, odd ones judged; else the first sweep is fitted, in the order of dates
 Frequencies are those of the grid (formats/touchstone.py); equation, unknowns and laws: swept_mode.py.
-Errors    FileError: one port, no noise, no peak, sweeps of other frequencies      Source    docs/measured_resonators.md
+Errors    FileError: one port, no noise, no peak, sweeps of other frequencies      Source    docs/measured_results.md
 """
 
 from pathlib import Path
@@ -61,22 +61,26 @@ def noise_sd(s):
 
 def _piece_from_sweep(sweep, number, role):
     if "s21" not in sweep.s:
-        raise FileError(f"{sweep.path}: one port; S21 wanted")
+        raise FileError(f"{sweep.path}: the file has one port; S21 is required")
     s, f = sweep.s["s21"], sweep.frequency_hz
     if noise_sd(s) == 0 or np.ptp(np.abs(s)) < LEAST_PEAK * np.max(np.abs(s)):
-        raise FileError(f"{sweep.path}: S21 has no noise, or the same size at all frequencies")
+        raise FileError(f"{sweep.path}: S21 has no noise, or the same magnitude at all frequencies")
     a, b = window(s, f)
     if b - a < FEWEST or noise_sd(s[a:b]) == 0 or f[a] <= 0:
-        raise FileError(f"{sweep.path}: {b - a} points around the peak at {f[a]:g} Hz, {FEWEST} with noise wanted")
+        raise FileError(
+            f"{sweep.path}: {b - a} points around the peak at {f[a]:g} Hz, expected at least {FEWEST} with noise"
+        )
     step = analyser_step(sweep.s["s11"])
     step_mask = np.zeros(len(f))
     if step is not None:
         step_mask[step:] = 1.0
     notes = []
     if sweep.regular:
-        notes.append(f"{number}: printed to {sweep.rounding_hz:g} Hz, put back on a grid of {f[1] - f[0]:.4f} Hz")
+        notes.append(
+            f"{number}: frequencies rounded to {sweep.rounding_hz:g} Hz, restored to a grid of {f[1] - f[0]:.4f} Hz"
+        )
     if (a, b) != (0, len(f)):
-        notes.append(f"{number}: {f[a]:.0f} .. {f[b - 1]:.0f} Hz used")
+        notes.append(f"{number}: only {f[a]:.0f} .. {f[b - 1]:.0f} Hz used")
     if step is not None and a < step < b:
         notes.append(f"{number}: the analyser steps at {f[step]:.0f} Hz (S11)")
     s, f, step_mask = s[a:b], f[a:b], step_mask[a:b]
@@ -174,5 +178,5 @@ def opener(paths, options):
         return None
     for sweep in sweeps[1:]:
         if _has_little_overlap(sweeps[0], sweep):
-            raise FileError(f"{sweep.path}: other frequencies than {sweeps[0].path}; sweeps of one peak wanted")
+            raise FileError(f"{sweep.path}: frequencies differ from those of {sweeps[0].path}; give sweeps of one peak")
     return problem(sweeps)

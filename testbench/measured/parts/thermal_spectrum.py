@@ -24,9 +24,9 @@ LAG = 8  # points, beyond the filter of the analyser
 DB = 10.0 / np.log(10.0)
 LAWS = (
     Law("background_slope", "detector", "background that slopes over the span", "1", 1.0, kind="instrument"),
-    Law("fano", "detector", "direct path beside the mode: 1 + q x / (1 + x^2)", "1", 0.1, kind="instrument"),
-    Law("wander", "force_x", "frequency that wanders during the record, Gaussian, sd over w", "1", 0.5, 1),
-    Law("log_bias", "detector", "logarithm that bends", "dB/dB^2", 1e-3, kind="instrument"),
+    Law("fano", "detector", "direct path in parallel with the mode: 1 + q x / (1 + x^2)", "1", 0.1, kind="instrument"),
+    Law("wander", "force_x", "frequency that varies during the record, Gaussian, sd divided by w", "1", 0.5, 1),
+    Law("log_bias", "detector", "curvature of the logarithmic detector", "dB/dB^2", 1e-3, kind="instrument"),
 )
 
 
@@ -73,7 +73,7 @@ def problem(trace):
 
     f, p = trace.x, trace.power_dbm
     if len(p) < SHORTEST:
-        raise FileError(f"{trace.path}: {len(p)} points, {SHORTEST} or more wanted")
+        raise FileError(f"{trace.path}: {len(p)} points, expected at least {SHORTEST}")
     sd, rho = estimate_noise(p)
     sd = max(sd, series.rounding_noise(p))
     if not 0 < sd < np.inf:

@@ -38,12 +38,14 @@ def rising_order(sheet, strictly, correct):
         raise QualityError([finding(sheet, "swapped", f"{axis.name}, {other.name}", None, words)])
     again = repeated_rows(sheet.columns)
     if len(again):
-        raise QualityError([finding(sheet, "duplicated", axis.name, again, "rows that are there twice")])
+        raise QualityError([finding(sheet, "duplicated", axis.name, again, "duplicate rows")])
     if len(back):
         words = f"{axis.name} falls, first in row {back[0] + 1}: rows are out of order"
         raise QualityError([finding(sheet, "reversed", axis.name, back, words)])
     still = np.flatnonzero(step == 0) + 1
-    raise QualityError([finding(sheet, "stuck", axis.name, still, f"{axis.name} stands still while other rows move")])
+    raise QualityError(
+        [finding(sheet, "stuck", axis.name, still, f"{axis.name} repeats a value while other columns change")]
+    )
 
 
 def _check_reversed_ringdown(sheet):
@@ -55,7 +57,9 @@ def _check_reversed_ringdown(sheet):
     fall, rise = -np.sum(change[(change < 0) & ~jump]), np.sum(change[(change > 0) & ~jump])
     ends = np.argmax(smooth) >= len(smooth) - 2 and smooth[-1] - smooth[0] > LEAST_DB
     if ends or (rise > GROWTH * fall and rise > LEAST_DB):
-        yield finding(sheet, "reversed", "power", None, f"grows by {rise:.3g} dB and falls by {fall:.3g}: no decay")
+        yield finding(
+            sheet, "reversed", "power", None, f"rises by {rise:.3g} dB and falls by {fall:.3g} dB: not a decay"
+        )
 
 
 def _check_reversed_meters(sheet):
@@ -64,7 +68,7 @@ def _check_reversed_meters(sheet):
         slope = np.polyfit(source.values, c.values, 1)[0]
         back = np.polyfit(source.values[::-1], c.values, 1)[0]
         if slope < -0.8 or (abs(slope) < 0.5 and abs(back - 1) < 0.1):
-            yield finding(sheet, "reversed", c.name, None, "readings run against their source")
+            yield finding(sheet, "reversed", c.name, None, "readings fall while their source rises")
 
 
 def _check_reversed_levels(sheet):

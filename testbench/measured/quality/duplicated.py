@@ -61,7 +61,7 @@ def check(sheet):
     twin_rows = repeated_rows([c for c in sheet.columns if c.role != OTHER]) if axis else ()
     ties = n - len(np.unique(axis[0])) if axis else 0
     if len(twin_rows) and (len(twin_rows) == ties or len(twin_rows) > PAIRS + 3 * n * p):
-        yield finding(sheet, "duplicated", name, twin_rows, "rows that are there twice, in every column")
+        yield finding(sheet, "duplicated", name, twin_rows, "duplicate rows, equal in every column")
         return
     if pairs.sum() >= PAIRS + 3 * n * p:
         yield finding(sheet, "duplicated", name, pairs, "rows equal to the row before")
@@ -79,4 +79,4 @@ def check(sheet):
         )
         if is_repeated.any():
             rows = np.unique(np.flatnonzero(is_repeated)[:, None] + np.arange(max(length, 3)))
-            yield finding(sheet, "duplicated", name, rows, "a block of rows that was there before, to the last bit")
+            yield finding(sheet, "duplicated", name, rows, "a block of rows repeats an earlier block exactly")

@@ -42,7 +42,7 @@ def examine(sheets):
 def enforce_quality(findings, option=""):
     """Findings that go on; QualityError where one refuses and the user did not say quality=report."""
     if option not in ("", "report"):
-        raise ConfigError(f"--option quality={option}: report is the only word it knows")
+        raise ConfigError(f"--option quality={option}: expected report")
     worst = [f for f in findings if f.action == REFUSE]
     if worst and option != "report":
         raise QualityError(worst)

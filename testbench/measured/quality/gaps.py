@@ -42,5 +42,5 @@ def _torn(sheet):
     torn = np.abs(residual) > TORN * largest_expected(sheet.rows) * running_scale(residual)
     gap_rows = np.flatnonzero(torn)
     if len(gap_rows) and 1 + np.count_nonzero(np.diff(gap_rows) > PAST) <= FEW:
-        words = "the output does not follow from the past of both signals: rows are missing there"
+        words = "the output does not follow from earlier rows of both signals: rows are missing there"
         yield finding(sheet, "gap", "input, output", gap_rows, words)

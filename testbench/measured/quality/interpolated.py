@@ -101,7 +101,7 @@ def check(sheet):
             mask = on_a_line(v, x, max(grid, c.resolution))
             if mask.any():
                 rows = np.flatnonzero(mask) if order is None else order[mask]
-                words = "rows exactly between their neighbours: drawn, not measured"
+                words = "rows lie exactly between their neighbours: interpolated, not measured"
                 yield finding(sheet, "interpolated", c.name, rows, words)
                 break
             k = spacing(v, grid) if sheet.kind != "sweep" else 0
@@ -113,7 +113,7 @@ def check(sheet):
 
 
 def _by_curve(sheet, name, k):
-    words = f"all rows follow from every {k}th: drawn, not measured"
+    words = f"all rows follow from every {k}th row: interpolated, not measured"
     return finding(sheet, "interpolated", name, np.arange(sheet.rows) % k != 0, words)
 
 

@@ -16,4 +16,6 @@ def check(sheet):
         step, sd = grid_step(c.values), noise_sd(sheet.reorder_values(c.course), c.fast)
         if step > NOISES * sd:
             words = f"values in steps of {step:.4g} {c.unit}, coarser than their noise of {sd:.3g}; "
-            yield finding(sheet, "quantised", c.name, None, words + f"a floor below {step / 12**0.5:.3g} is not theirs")
+            yield finding(
+                sheet, "quantised", c.name, None, words + f"the noise floor cannot be below {step / 12**0.5:.3g}"
+            )

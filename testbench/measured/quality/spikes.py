@@ -76,7 +76,7 @@ def check(sheet):
     if sheet.kind == "sweep":
         mask = _response_spike_mask(sheet) if sheet.column("s21") else np.zeros(sheet.rows, bool)
         if mask.any():
-            words = f"{np.count_nonzero(mask)} row(s) off any resonance through their neighbours"
+            words = f"{np.count_nonzero(mask)} row(s) off every resonance curve through their neighbours"
             yield finding(sheet, "spikes", "s21", mask, words)
         return
     for c in sheet.columns_by_role(SIGNAL):

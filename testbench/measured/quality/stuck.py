@@ -70,4 +70,4 @@ def check(sheet):
         v = c.unwrapped_values
         mask = stuck_rows(v) & (v != v.max()) & (v != v.min())
         if mask.any():
-            yield finding(sheet, "stuck", c.name, mask, "stands still while other rows move")
+            yield finding(sheet, "stuck", c.name, mask, "is constant here while other rows change")

@@ -23,7 +23,9 @@ def _check_swapped_meters(sheet):
     for c in sheet.columns_by_role(SIGNAL):
         other = grid_step(c.values)
         if step < MEASURED * np.ptp(source.values) and step < 0.11 * other:
-            words = f"{source.name} is given in steps of {step:.3g} V, {c.name} in {other:.3g}: the source was measured"
+            words = (
+                f"{source.name} has steps of {step:.3g} V, {c.name} of {other:.3g} V: the source seems to be a reading"
+            )
             yield finding(sheet, "swapped", f"{source.name}, {c.name}", None, words)
         follows = [e.name for e in sheet.columns_by_role(SLOW) if _alike(e.values, source.values) > 0.999]
         if follows and _alike(c.values, source.values) < 0.9:
@@ -61,7 +63,7 @@ def _resonates(u, y):
 def _check_swapped_driven(sheet):
     u, y = (sheet.column(n).values for n in ("input", "output"))
     if _resonates(y, u) and not _resonates(u, y):
-        words = "the output drives the input: that gain has a peak and falls beyond it, the other one rises"
+        words = "the gain from output to input has a resonance peak, that from input to output has none"
         yield finding(sheet, "swapped", "input, output", None, words)
 
 
@@ -72,7 +74,7 @@ def _peak(v):
 def _check_swapped_sweep(sheet):
     s21, s11 = (sheet.column(n) for n in ("s21", "s11"))
     if np.max(s21.values) > PASSIVE_DB:
-        words = f"decibels up to {np.max(s21.values):.3g}: angles, or a gain of no passive part"
+        words = f"decibels up to {np.max(s21.values):.3g}: these are angles, or the part is not passive"
         yield finding(sheet, "swapped", "s21, s21 angle", None, words)
     elif s11 is not None:
         a, b = (_peak(10 ** (c.values / 20)) for c in (s21, s11))

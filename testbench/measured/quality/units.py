@@ -46,7 +46,7 @@ def check_limits(sheet):
         out = (c.values < low) | (c.values > high)
         if np.mean(out) > 0.02:
             worst = c.values[out][np.argmax(np.abs(c.values[out]))]
-            words = f"{worst:.4g} is outside {low:g} .. {high:g} {c.unit}: another unit, or another column"
+            words = f"{worst:.4g} is outside {low:g} .. {high:g} {c.unit}: wrong unit or wrong column"
             yield finding(sheet, "unit", c.name, out, words)
 
 
@@ -56,7 +56,7 @@ def _check_meter_units(sheet):
         slope = abs(np.polyfit(source.values, c.values, 1)[0])
         words = unit_factor_text(slope)
         if words:
-            text = f"readings are {slope:.4g} times their source: a factor of {words} in the unit of one of them"
+            text = f"readings are {slope:.4g} times their source: a unit is wrong by a factor of {words}"
             yield finding(sheet, "unit", c.name, None, text)
             continue
         spread = sheet.column(f"spread of {c.name}")
@@ -68,7 +68,7 @@ def _check_meter_units(sheet):
                 yield finding(sheet, "unit", spread.name, None, text)
     for c in sheet.columns_by_role(SLOW):
         if "temp" in c.name.lower() and 200 < np.median(c.values) < 420:
-            yield finding(sheet, "unit", c.name, None, "kelvin: only differences are used", REPORT)
+            yield finding(sheet, "unit", c.name, None, "temperature in kelvin: only its differences are used", REPORT)
 
 
 def decay_rate(t, p):
@@ -83,7 +83,9 @@ def decay_rate(t, p):
 def _not_logarithm(sheet):
     p = sheet.column("power").values
     if np.all(p > 0) and (p.max() < 1.0 or p.min() < LEAST * p.max()):
-        yield finding(sheet, "unit", "power", None, f"positive, {p.min():.2g} .. {p.max():.2g}: a power, not dBm")
+        yield finding(
+            sheet, "unit", "power", None, f"all positive, {p.min():.2g} .. {p.max():.2g}: a linear power, not dBm"
+        )
 
 
 def _check_ringdown_units(sheet):
@@ -94,10 +96,10 @@ def _check_ringdown_units(sheet):
         return
     decay_quality = 2 * np.pi * f / rate
     if q > 0 and not 1 / FAR_OFF < decay_quality / q < FAR_OFF:
-        words = f"the decay is that of a quality of {decay_quality:.3g}, the head says {q:.3g}"
+        words = f"the decay corresponds to a quality factor of {decay_quality:.3g}, the header says {q:.3g}"
         yield finding(sheet, "unit", "time", None, words + ": time or frequency in another unit")
     elif decay_quality > MOST_Q:
-        words = f"the decay is that of a quality of {decay_quality:.3g}, above {MOST_Q:g}: "
+        words = f"the decay corresponds to a quality factor of {decay_quality:.3g}, above {MOST_Q:g}: "
         words += "time or frequency in another unit"
         yield finding(sheet, "unit", "time", None, words)
 
@@ -107,15 +109,15 @@ def _spectrum(sheet):
     f, x = sheet.stated.get("frequency_hz", np.nan), sheet.column("frequency").values
     words = unit_factor_text(f / np.mean(x)) if f > 0 else ""
     if words:
-        yield finding(sheet, "unit", "frequency", None, f"the head's frequency is {words} times that of the rows")
+        yield finding(sheet, "unit", "frequency", None, f"the header's frequency is {words} times that of the rows")
 
 
 def _check_sweep_units(sheet):
     angle, size = sheet.column("s21 angle").values, sheet.column("s21").values
     if np.max(np.abs(angle)) < 3.15 < 100 * np.ptp(angle) and np.max(np.abs(angle)) > 1.5:
-        yield finding(sheet, "unit", "s21 angle", None, "never leaves -pi .. pi: radians under a head of degrees")
+        yield finding(sheet, "unit", "s21 angle", None, "all within -pi .. pi: radians, but the header says degrees")
     if np.all(size > 0) and np.max(size) < 1.0 and np.min(size) < 0.5 * np.max(size):
-        yield finding(sheet, "unit", "s21", None, "all between 0 and 1: magnitudes under a head of decibels")
+        yield finding(sheet, "unit", "s21", None, "all between 0 and 1: magnitudes, but the header says decibels")
 
 
 def _check_stationary_units(sheet):

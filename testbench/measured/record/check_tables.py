@@ -12,7 +12,7 @@ from testbench.measured.record import schema
 from testbench.measured.record.schema import DOWNGRADED, Finding
 
 HEX = set("0123456789abcdef")
-FOREIGN = "the firmware is another one, R0 and R2 are skipped"
+FOREIGN = "the firmware differs, so R0 and R2 are skipped"
 
 
 def span_edges(record):
@@ -26,11 +26,11 @@ def check_identities(record):
         yield Finding("R11", "/", f"{mismatch}: {FOREIGN}", DOWNGRADED)
     stated = record.attrs["bitstream_sha256"]
     if len(stated) != 64 or set(stated) - HEX:
-        yield Finding("R11", "/", f"expected bitstream_sha256 of 64 digits, found {stated!r}")
+        yield Finding("R11", "/", f"expected bitstream_sha256 of 64 hexadecimal digits, found {stated!r}")
     try:
         config = stated_config(record)
     except ValueError as problem:
-        yield Finding("R11", "/", f"expected a configuration of this version, found one with {problem}")
+        yield Finding("R11", "/", f"expected a configuration of this version, found an invalid one: {problem}")
         return
     if record.provenance != "measured":
         from testbench.run import build
@@ -48,7 +48,7 @@ def stated_config(record):
     try:
         tree = tomllib.loads(record.config_toml)
     except tomllib.TOMLDecodeError as problem:
-        raise ValueError(f"no TOML: {problem}") from None
+        raise ValueError(f"not TOML: {problem}") from None
     return config.from_dict(tree, "config_toml")
 
 
@@ -73,15 +73,17 @@ def check_segments(record):
         if not 0 <= a < b <= span:
             yield Finding("R12", path, f"expected edges within 0 .. {span}, found {a} .. {b}")
         elif a < last:
-            yield Finding("R12", path, f"expected a segment from {last} on, found one from {a}: they overlap")
+            yield Finding(
+                "R12", path, f"expected a segment that begins at edge {last} or later, found {a}: segments overlap"
+            )
         if name in ids:
-            yield Finding("R12", path, "expected different names, found this one twice")
+            yield Finding("R12", path, "expected different names, found a duplicate")
         if kind not in schema.KINDS or role not in schema.ROLES:
             yield Finding("R12", path, f"expected a kind and a role of the schema, found {kind} and {role}")
         ids.add(name)
         last = max(last, b)
     if schema.roles_sha256(table) != record.attrs["roles_sha256"]:
-        yield Finding("R15", "/segments", "expected the roles that were hashed before the analysis, found others")
+        yield Finding("R15", "/segments", "expected the roles that were hashed before the analysis, found other roles")
 
 
 def repeats(record):
@@ -93,7 +95,7 @@ def repeats(record):
             yield Finding("R13", f"/segments/{group}", "expected one role for all repeats, found fit and validate")
     fitted = [roles for roles in groups.values() if "fit" in roles]
     if not any(roles.count("fit") >= 2 for roles in fitted):
-        yield Finding("R14", "/segments", "expected repeats, found none: detection off, ranking only", DOWNGRADED)
+        yield Finding("R14", "/segments", "expected repeats, found none: effects are ranked, not confirmed", DOWNGRADED)
 
 
 def priors(record):
@@ -101,7 +103,7 @@ def priors(record):
     declared_nuisances = [name.strip() for name in record.attrs["nuisances"].split(",") if name.strip()]
     for name in declared_nuisances:
         if name not in table["param"].data.tolist():
-            yield Finding("R17", f"/priors/{name}", "expected a prior of a declared nuisance, found none")
+            yield Finding("R17", f"/priors/{name}", "expected a prior for this declared nuisance, found none")
     for name, dist, sd in schema.rows(table, "param", "dist", "sd"):
         if dist not in schema.DISTRIBUTIONS:
             mismatch = f"expected {', '.join(schema.DISTRIBUTIONS)}, found {dist}"

@@ -142,7 +142,7 @@ def _rates(record):
         if len(column.data) != rows:
             yield Finding("R05", path, f"expected {rows} rows, found {len(column.data)}")
     if frames == 0:
-        yield Finding("R05", "/streams/adc_xI", "expected a row or more, found 0")
+        yield Finding("R05", "/streams/adc_xI", "expected at least one row, found 0")
 
 
 def _check_edges(record):
@@ -185,7 +185,7 @@ def _gaps(record):
     wrong[(edges[(edges > 0) & (edges < span)] // FRAME_CYCLES - 1)] = False
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
-        text = f"expected the phase to follow the word, found a step of {error[row]} / 2^48 turn behind row {row}"
+        text = f"expected phase steps equal to the frequency word, found {error[row]} / 2^48 turn more after row {row}"
         yield Finding("R07", "/streams/nco_pword", text + ": rows are missing")
 
 
@@ -207,11 +207,11 @@ def _alive(record):
             codes = record.streams[stream].data[rows]
             if len(codes) and codes.min() == codes.max():
                 yield Finding(
-                    "R10", f"/streams/{stream}", f"expected a living stream in {name}, found {codes[0]} alone"
+                    "R10", f"/streams/{stream}", f"expected codes that change in {name}, found only {codes[0]}"
                 )
             rails = (codes <= -(1 << 23)) | (codes >= (1 << 23) - 1)
             if len(codes) and rails.mean() > schema.MOST_SATURATED:
-                text = f"expected at most 0.1 % at the rails in {name}, found {100 * rails.mean():.2g} %"
+                text = f"expected at most 0.1 % of the codes at the rails in {name}, found {100 * rails.mean():.2g} %"
                 yield Finding("R10", f"/streams/{stream}", text)
 
 

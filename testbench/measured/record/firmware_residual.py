@@ -102,12 +102,13 @@ class Residual:
 def unreplayable(record, config):
     """Why the firmware cannot be replayed, or ""."""
     if not schema.has_supported_map(record):
-        return f"skipped, regmap_sha256 {record.attrs['regmap_sha256'][:16]} is not this version's: another firmware"
+        stated = record.attrs["regmap_sha256"][:16]
+        return f"skipped, regmap_sha256 {stated} is not that of this version: the firmware differs"
     if config.firmware.board != "analog_sid":
-        return "firmware.board = digital_sid, whose samples a record does not hold"
+        return "firmware.board = digital_sid, and a record does not contain its samples"
     for session in sessions(record):
         if not session.powered and _initial(record) is None:
-            return f"frame {session.first} is no power-on, and /initial does not name every register"
+            return f"frame {session.first} is not a power-on, and /initial does not contain every register"
         _, lost = received_rows(record, session)
         if lost.any():
             row = int(np.flatnonzero(lost)[0]) + session.first
@@ -212,7 +213,7 @@ def _mistakes(codes):
     for name, data in codes.items():
         yield f"{name} negated", {name: -data}
         for rows in (1, -1):
-            yield f"{name} {rows:+d} row off", {name: np.roll(data, -rows)}
+            yield f"{name} shifted by {rows:+d} row", {name: np.roll(data, -rows)}
 
 
 def _session(record, session, p, streams, ticked, out, progress):

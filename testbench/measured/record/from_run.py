@@ -18,10 +18,12 @@ def plan_from_config(config):
     s = config.scenario
     for key, value in (("rate_dps", s.rate_dps), ("temperature_degc", s.temperature_degc)):
         if not isinstance(value, (int, float)):
-            raise ConfigError(f"--gyrorec: scenario.{key} is a profile, expected a number; write a plan of conditions")
+            raise ConfigError(
+                f"--gyrorec: scenario.{key} is a profile, expected a number; write a recording plan instead"
+            )
     for key in ("faults", "register_writes", "resume"):
         if getattr(s, key):
-            raise ConfigError(f"--gyrorec: scenario.{key} is set; a record begins with a power-on and has none")
+            raise ConfigError(f"--gyrorec: scenario.{key} is set; a record of one run allows none, remove the key")
     if s.origin != "lock":
         raise ConfigError(f'--gyrorec: scenario.origin = "{s.origin}", expected "lock"')
     c = Condition(

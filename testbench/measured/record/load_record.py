@@ -55,7 +55,7 @@ def load(path, replay=True, progress=None):
             override = record.attrs.get(OVERRIDE, "")
             mistake = firmware_residual.explanation(record, loaded.residual)
             text = f"expected 0 LSB, found {first}"
-            text += f"; 0 LSB if it is {mistake}" if mistake else ""
+            text += f"; 0 LSB with {mistake}" if mistake else ""
             text += f"; overridden: {override}" if override else ""
             level = schema.DOWNGRADED if override else BLOCKED
             loaded.findings.append(Finding("R16", f"/streams/{first.stream}", text, level))

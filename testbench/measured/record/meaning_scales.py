@@ -116,7 +116,7 @@ def counters(record):
             word = words[rows].astype(float).mean() if edge < last and len(words) else 0.0
             hz = word * MASTER_HZ / 2**48
             if hz and gate * hz < 1:
-                text = f"expected a gate of a period ({1 / hz:.3g} s) or more, found {gate:.3g} s in row {k}"
+                text = f"expected a gate of at least one period ({1 / hz:.3g} s), found {gate:.3g} s in row {k}"
                 yield Finding("R31", f"/{name}/gate", text)
             elif pair == "f_drive":
                 yield from _frequency(record, name, k, hz, (value, gate, unc))
@@ -129,13 +129,13 @@ def _frequency(record, name, k, hz, reading):
     value, gate, unc = reading
     lo, hi = COUNT_SHARE * hz, 2 / gate
     if hz and not lo <= unc <= hi:
-        text = f"expected {lo:.2g} .. {hi:.3g} Hz, twice a count of its gate, found {unc:.4g} in row {k}"
+        text = f"expected {lo:.2g} .. {hi:.3g} Hz (2 / gate), found {unc:.4g} in row {k}"
         yield Finding("R31", f"/{name}/unc", text, WARNED)
     true = hz * (1 + 1e-6 * record.clock_ppm)
     limit = COVERAGE_FACTOR * min(unc, hi) + hz * 1e-6
     if hz and abs(value - true) > limit:
         how = REFUSED if abs(value - true) > 1e-6 * MOST_PPM * hz + limit else WARNED
-        text = f"expected {true:.9g} Hz of nco_fword and /clock within {limit:.2g} Hz, found {value:.9g} in row {k}"
+        text = f"expected {true:.9g} Hz from nco_fword and /clock within {limit:.2g} Hz, found {value:.9g} in row {k}"
         yield Finding("R31", f"/{name}/value", text, how)
 
 
@@ -143,7 +143,7 @@ def _phase(record, name, k, edge, reading):
     """A reading of a phase against the budget, where the pair is one of its nodes."""
     value, unc = reading
     if not abs(value) <= 360 or unc > 90:
-        text = f"expected a phase within 360 deg, known within 90 deg, found {value:.4g} +- {unc:.3g} in row {k}"
+        text = f"expected a phase within 360 deg, uncertainty below 90 deg, found {value:.4g} +- {unc:.3g} in row {k}"
         yield Finding("R31", f"/{name}/value", text)
         return
     node = {"counter/Vxm_vs_sgnsin": "xe1", "counter/Vym_vs_sgnsin": "ye1"}.get(name)
@@ -159,7 +159,8 @@ def _phase(record, name, k, edge, reading):
     limit = PHASE_SHARE * abs(plain) + PHASE_DEG + COVERAGE_FACTOR * unc
     error = math.remainder(value - budget_phase_deg, 360)
     if abs(error) > limit:
-        text = f"expected {budget_phase_deg:.4g} deg of the budget within {limit:.3g} deg, found {value:.4g} in row {k}"
+        text = f"expected {budget_phase_deg:.4g} deg of the phase budget within {limit:.3g} deg"
+        text += f", found {value:.4g} in row {k}"
         yield Finding("R31", f"/{name}/value", text, WARNED)
 
 
@@ -177,7 +178,7 @@ def priors(record):
             yield odd("a key of [plant]", name)
             continue
         if name in row_by_name:
-            yield odd(f"one prior of a parameter, that of row {row_by_name[name]}", "another")
+            yield odd(f"one prior for each parameter, here that of row {row_by_name[name]}", "another one")
         row_by_name[name] = k
         if unit != field.unit:
             yield odd(f"unit {field.unit}", unit)
@@ -193,7 +194,7 @@ def priors(record):
             yield odd("a mean above 0 of a lognormal prior", f"{mean:.6g}")
         part = sd if logarithm or not mean else sd / abs(mean)
         if field.lo >= 0 and mean > 0 and not logarithm and part > 1:
-            yield odd(f"an sd below the mean {mean:.6g}: it cannot be negative", f"{sd:.6g}", WARNED)
+            yield odd(f"an sd below the mean {mean:.6g}, because the parameter cannot be negative", f"{sd:.6g}", WARNED)
         elif (mean or logarithm) and part < PRIOR_SD[0]:
             yield odd(f"an sd above {PRIOR_SD[0]:g} of the mean", f"{part:.3g} of it", WARNED)
         elif logarithm and sd > PRIOR_SD[1]:

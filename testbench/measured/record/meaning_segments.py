@@ -154,7 +154,7 @@ def kinds(record):
         inside = powered[(powered > a) & (powered < b)]
         begins = kind == "startup" and (powered == a).any()
         if kind == "startup" and not begins and len(inside) != 1:
-            yield wrong(f"a power-on from edge {a} on", f"{len(inside)} of /power_on")
+            yield wrong(f"a power-on from edge {a} on", f"{len(inside)} in /power_on")
         elif kind != "startup" and len(inside):
             row = int(np.flatnonzero(powered == inside[0])[0])
             yield wrong("no power-on", f"edge {inside[0]} of /power_on row {row}")
@@ -197,7 +197,7 @@ def _check_condition_writes(record, s, wrong):
     for loop, bit in FIXED.items():
         if loop in s["loops"].split() and control & bit:
             name = sequencer.CONTROL_BITS[bit.bit_length() - 1]
-            yield wrong(f"the loop {loop} closed", f"{name} set by {source}")
+            yield wrong(f"loop {loop} closed", f"{name} set by {source}")
 
 
 def conditions(record):

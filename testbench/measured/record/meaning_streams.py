@@ -61,9 +61,8 @@ def drive(record):
             yield Finding("R25", "/registers/amplitude_setpoint", text, WARNED)
         angle = math.atan2(means[0], -means[1])
         if "pll" in loops and abs(angle) > DRIVE_PHASE:
-            text = (
-                f"expected minus cosine in adc_xQ and adc_xI within {DRIVE_PHASE} rad, found {angle:.3g} rad in {where}"
-            )
+            text = f"expected the phase of minus cosine in adc_xI and adc_xQ within {DRIVE_PHASE} rad"
+            text += f", found {angle:.3g} rad in {where}"
             yield Finding("R25", "/streams/adc_xI", text, REFUSED)
             return
 
@@ -108,8 +107,8 @@ def force(record):
         if abs(force_rate_dps - stated) > limit:
             reported_rows.add(row)
             opposite = force_rate_dps * stated < 0 and min(abs(force_rate_dps), abs(stated)) > FORCE_DPS
-            text = f"expected {force_rate_dps:.4g} deg/s of the force in segment {s['id']} within {limit:.3g} deg/s"
-            text += f"{' and of its sign' if opposite else ''}, found {stated:.6g} in row {row}"
+            text = f"expected {force_rate_dps:.4g} deg/s, by the force in segment {s['id']}, within {limit:.3g} deg/s"
+            text += f"{' and the same sign' if opposite else ''}, found {stated:.6g} in row {row}"
             yield Finding("R26", f"{rate.path}/rate", text, REFUSED if opposite else WARNED)
 
 
@@ -131,7 +130,7 @@ def sensor(record):
         value = float(stated.values[row])
         if not -limit <= sensor_degc - value <= limit + warmer:
             reported_rows.add(row)
-            text = f"expected {sensor_degc:.4g} degC of adc_temperature in segment {s['id']} within {limit:.3g} K"
+            text = f"expected {sensor_degc:.4g} degC from adc_temperature in segment {s['id']} within {limit:.3g} K"
             yield Finding("R27", f"{stated.path}/temperature", f"{text}, found {value:.6g} in row {row}", WARNED)
 
 
@@ -155,7 +154,9 @@ def copies(record):
             equal = [run for run in runs(channels[name] == channels[other]) if run[1] >= COPIED_ROWS]
             for first, length in equal:
                 if len(np.unique(channels[name][first : first + length])) >= COPIED_CODES:
-                    text = f"expected codes of its own, found those of {other} in rows {first} to {first + length - 1}"
+                    text = (
+                        f"expected codes other than {other}, found equal codes in rows {first} to {first + length - 1}"
+                    )
                     yield Finding("R28", f"/streams/{name}", text)
                     break
 
@@ -180,7 +181,7 @@ def rests(record):
     for name, equal in still.items():
         (first, length), *next_runs = [*runs(equal & is_locked[1:]), (0, 0), (0, 0)][:2]
         if length >= LEAST_STUCK_ROWS and length > STUCK_FACTOR * next_runs[0][1]:
-            text = f"expected rests of at most {max(LEAST_STUCK_ROWS, STUCK_FACTOR * next_runs[0][1])} rows"
+            text = f"expected one code for at most {max(LEAST_STUCK_ROWS, STUCK_FACTOR * next_runs[0][1])} rows"
             yield Finding("R28", f"/streams/{name}", f"{text}, found rows {first} to {first + length}", WARNED)
     chance = math.prod(float(equal[is_locked[1:]].mean()) if is_locked[1:].any() else 1.0 for equal in still.values())
     together = np.logical_and.reduce(list(still.values()))
@@ -189,7 +190,8 @@ def rests(record):
         changed_rows = np.flatnonzero(~together[session.first : last])
         repeats = last - session.first - (int(changed_rows[-1]) + 1 if len(changed_rows) else 0)
         if chance**repeats < CHANCE:
-            text = f"expected new codes of {', '.join(channels)}, found those of row {last - repeats} up to row {last}"
+            text = f"expected new codes of {', '.join(channels)}"
+            text += f", found those of row {last - repeats} repeated up to row {last}"
             yield Finding("R28", "/streams/adc_xI", text, WARNED)
 
 
@@ -201,7 +203,7 @@ def bad_frames(record):
     share = bad[is_locked].mean() if is_locked.any() else 0.0
     if share > MOST_BAD:
         row = int(np.flatnonzero(bad & is_locked)[0])
-        text = f"expected at most {100 * MOST_BAD:g} % of 0 behind the start-up"
+        text = f"expected at most {100 * MOST_BAD:g} % of rows with 0 after the start-up"
         yield Finding("R28", "/streams/adc_ok", f"{text}, found {100 * share:.3g} % from row {row} on", WARNED)
 
 

@@ -70,7 +70,9 @@ class Board(Simulation):
         for frame, clocks, phase in self._anchors:
             if frame < len(rows) and (int(rows[frame]) + clocks * int(word[frame]) - phase) % TURN:
                 if self.foreign:
-                    raise ConfigError(f"scenario.plant: DRDY of frame {frame} or before is not at its clock of a frame")
+                    raise ConfigError(
+                        f"scenario.plant: DRDY of frame {frame} or an earlier one comes at another clock of its frame"
+                    )
                 raise RuntimeError(f"phase accumulator: the rows up to frame {frame} do not lead to the firmware's")
         return rows
 
@@ -115,7 +117,7 @@ class Sitting:
         where = f"condition {c.id}, repeat {self.repeat}"
         self._stimulus(before, temp)
         if simulate.start(self.config, board, before, temp) is None:
-            raise ConfigError(f"{where}: no lock within {simulate.lock_limit_s(self.config):g} s")
+            raise ConfigError(f"{where}: the gyroscope does not lock within {simulate.lock_limit_s(self.config):g} s")
         ticks_to_frame = -board.tick % FRAME_TICKS
         if ticks_to_frame:
             board.advance(ticks_to_frame, before, temp)
@@ -130,7 +132,7 @@ class Sitting:
         if probe:
             self._count(probe, rate, temp)
         if not board.locked:
-            raise ConfigError(f"{where}: lock is lost")
+            raise ConfigError(f"{where}: the gyroscope loses lock")
         self._add_segment("", begin, c, "sweep" if c.is_ramped else c.kind, c.role)
         self.frames = board.tick // FRAME_TICKS
         # one tick of the next frame: its row holds the last codes
@@ -185,8 +187,8 @@ def record(plan, progress=None):
         sittings.append(Sitting(plan, condition, repeat, number))
         first, last = sittings[0].board, sittings[-1].board
         if first.valid_clock != last.valid_clock:
-            where = f"DRDY at clock {last.valid_clock} of a frame after clock {first.valid_clock}"
-            raise ConfigError(f"scenario.plant: {where} of another power-on: a record has one board")
+            where = f"DRDY comes at clock {last.valid_clock} of a frame, but at clock {first.valid_clock}"
+            raise ConfigError(f"scenario.plant: {where} of another power-on; a record needs one clock for all")
         if progress:
             progress("recording", number + 1, len(schedule))
     starts = np.cumsum([0] + [r.frames for r in sittings]).tolist()
@@ -219,10 +221,12 @@ def _check_foreign(plan, keys):
     """ConfigError for what a record of a plant behind the port, which reads `keys`, cannot hold."""
     for c in plan.conditions:
         if c.counter_s:
-            raise ConfigError(f"condition {c.id}: counter_s = {c.counter_s:g} s; no counter can be at a foreign plant")
+            raise ConfigError(
+                f"condition {c.id}: counter_s = {c.counter_s:g} s; a plant library has no counter, set it to 0"
+            )
     for key in plan.hidden:
         if not reads(keys, key):
-            raise ConfigError(f"[truth] {key}: the plant does not read it, so no record can hide it")
+            raise ConfigError(f"[truth] {key}: the plant library does not read this key, so a record cannot hide it")
 
 
 def envelope(plan):

@@ -139,7 +139,7 @@ def _flatten_table(table, where):
         if section not in ("firmware", "plant", "effects", "noise") or key.count(".") != 1:
             raise ConfigError(f"{where} {key}: expected a key of [firmware], [plant], [effects] or [noise]")
         if key == "noise.seed":
-            raise ConfigError(f"{where} {key}: the plan's own key seed sets the seed of each repeat")
+            raise ConfigError(f"{where} {key}: remove it; the plan's key seed sets the noise seed of each repeat")
     return out
 
 
@@ -154,7 +154,7 @@ def _change_config(config, values, where):
 def _condition(tree, k, where):
     where = f"{where}: condition[{k}]"
     if not isinstance(tree, dict) or "id" not in tree:
-        raise ConfigError(f"{where}.id is missing: every condition has a name")
+        raise ConfigError(f"{where}: id is missing; every condition needs an id")
     _check_keys(tree, Condition._fields, where)
     values = {"id": _text(tree["id"], (), f"{where}.id")}
     for key, (lo, hi, unit) in LIMITS.items():
@@ -184,7 +184,7 @@ def from_dict(tree, where="plan"):
     _check_keys(tree, KEYS, where)
     rows = tree.get("condition", [])
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_CONDITIONS:
-        raise ConfigError(f"{where}: needs 1 to {MOST_CONDITIONS} conditions; write [[condition]]")
+        raise ConfigError(f"{where}: a plan needs 1 to {MOST_CONDITIONS} conditions; write [[condition]]")
     conditions = tuple(_condition(row, k, where) for k, row in enumerate(rows))
     names = [c.id for c in conditions]
     if len(set(names)) != len(names):

@@ -332,9 +332,11 @@ def order(p):
     Raises ConfigError for a firmware with a notch or clocks of one path, which a replay does not have.
     """
     if p.control.notch is not None:
-        raise ConfigError("firmware.notch_hz: the replay of a record has no notch; set it to 0")
+        raise ConfigError("firmware.notch_hz: a record cannot be replayed with a notch; set it to 0")
     if p.paths is not None:
-        raise ConfigError("firmware.*_sine_registers, *_code_registers: the replay of a record has none; set them to 0")
+        raise ConfigError(
+            "firmware.*_sine_registers, *_code_registers: a record cannot be replayed with them; set them to 0"
+        )
     ticks = ((1 + p.drive_modulator.frames, AMPLITUDE), (2 + p.sense_modulator.frames, RATE))
     code_decisions = [(TICK_CYCLES * n, kind) for n, kind in ticks]
     code_decisions.append((TICK_CYCLES * (FRAME_TICKS - last_load_tick(p)) - spi_dac.LOAD_TICK, QUADRATURE))

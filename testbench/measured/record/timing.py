@@ -2,7 +2,7 @@
 
     valid edge of conversion m = first edge that sees DRDY low + clocks of the read
 
-Source    docs/architecture.md, docs/parts/adc.md
+Source    docs/architecture.md, analog_frontend/parts/adc.py
 """
 
 import numpy as np
@@ -32,7 +32,8 @@ def valid_clock(config, first_drdy=None):
     """
     if config.firmware.adc_clock != "synchronous":
         raise ConfigError(
-            f'firmware.adc_clock = "{config.firmware.adc_clock}": a record needs "synchronous", its rates are exact'
+            f'firmware.adc_clock = "{config.firmware.adc_clock}": '
+            'a record needs "synchronous", because its rates are exact'
         )
     if first_drdy is None:
         return int(valid_edges(config, 1)[0]) - FRAME_CYCLES

@@ -129,7 +129,7 @@ class Problem:
         self.steps = np.full(len(u), 1e-3)
         r = self.residual(u)
         if r is None:
-            raise ConfigError("calibration: the start is outside the limits of a parameter")
+            raise ConfigError("calibration: the starting point is outside the limits of a parameter")
         cost = r @ r + u @ u
         for _ in range(MOST_ITERATIONS):
             j = self.jacobian(u, r)

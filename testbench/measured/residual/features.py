@@ -52,7 +52,7 @@ def demand(streams, names):
     """ConfigError if the stream of an observable is not among those that were recorded."""
     for name in names:
         if OBSERVABLES[name].stream not in streams:
-            text = f"expected a stream with one row a frame, found none; the observable {name} is made of it"
+            text = f"expected a stream with one row per frame, found none; the observable {name} is computed from it"
             raise ConfigError(f"/streams/{OBSERVABLES[name].stream}: {text}")
 
 

@@ -86,11 +86,11 @@ def read_parameters(record):
     out = []
     for key, dist, mean, sd in rows(record.tables["priors"], "param", "dist", "mean", "sd"):
         if key not in LIMITS:
-            raise ConfigError(f"/priors {key}: is no key of [plant]; only those can be fitted")
+            raise ConfigError(f"/priors {key}: not a key of [plant]; only those can be fitted")
         field = LIMITS[key]
         logarithmic = dist == "lognormal" or (field.name in LOGARITHMIC and mean > 0)
         if logarithmic and not mean > 0:
-            raise ConfigError(f"/priors {key}: mean = {mean:g} has no logarithm")
+            raise ConfigError(f"/priors {key}: mean = {mean:g}, a lognormal prior needs a mean above 0")
         scale = sd / mean if logarithmic and dist != "lognormal" else sd
         out.append(Parameter(key, field.unit, mean, scale, logarithmic, field.lo, field.hi))
     if not out:

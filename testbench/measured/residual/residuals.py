@@ -92,11 +92,11 @@ def study_residuals(record, kind, config=None, engine=None, draws=None, progress
     draws   of the model's noise; None: DRAWS for R2, none for R1
     """
     if kind not in ("R1", "R2"):
-        raise ValueError(f"kind = {kind!r} is neither R1 nor R2")
+        raise ValueError(f"kind = {kind!r}, expected R1 or R2")
     names = [name for name, o in OBSERVABLES.items() if o.driven or kind == "R2"]
     demand(record.streams, names)
     if kind == "R2" and not schema.has_supported_map(record):
-        raise ConfigError("R2: regmap_sha256 is another firmware's, and R2 runs this one; R1 (--kind R1) does not")
+        raise ConfigError("R2: regmap_sha256 belongs to another firmware, but R2 simulates this one; use --kind R1")
     config = config or check_tables.stated_config(record)
     engine = engine or simulator.FrameSimulator()
     draws = (DRAWS if kind == "R2" else 0) if draws is None else draws

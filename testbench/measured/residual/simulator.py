@@ -89,11 +89,13 @@ def drive(record, session, firmware, replayed=True):
     """
     job = task(record, session)
     if not session.powered:
-        raise ConfigError(f"plant replay: frame {session.first} is no power-on, where the plant's state would be known")
+        raise ConfigError(f"plant replay: no power-on at frame {session.first}, so the state of the plant is unknown")
     for edge, address, _ in job.writes:
         name = registers.BY_ADDRESS[address].name
         if name in PHASE_WORDS and edge > SETTLED_EDGES:
-            raise ConfigError(f"plant replay: {name} is written at edge {edge}, later than {SETTLED_EDGES}")
+            raise ConfigError(
+                f"plant replay: {name} is written at edge {edge}, the latest edge allowed is {SETTLED_EDGES}"
+            )
     x = stimulus(record, session)
     if replayed:
         o = replay.rows(session.frames, driven=True)
@@ -123,7 +125,7 @@ def _from_words(record, session, firmware):
     has_supported_map = schema.has_supported_map(record)
     for name in (*DRIVING, "state")[: len(DRIVING) + has_supported_map]:
         if name not in record.streams:
-            raise ConfigError(f"plant replay: {name} is not recorded, and the firmware cannot be replayed")
+            raise ConfigError(f"plant replay: {name} is not recorded, and no replay of the firmware can compute it")
     column = {name: record.streams[name].data[session.rows].astype(np.int64) for name in record.streams}
     later = {name: np.append(values[1:], values[-1]) for name, values in column.items() if len(values)}
     state = later["state"] if has_supported_map else np.full(session.frames, sequencer.LOCKED)
@@ -169,7 +171,7 @@ class FrameSimulator:
         sim.now = (task.rate_rad_s[:1], task.temp_degc[:1])
         for edge, address, data in task.writes.tolist():
             if edge % TICK_CYCLES:
-                raise ConfigError(f"free run: a register is written at edge {edge}, which is no first edge of a tick")
+                raise ConfigError(f"free run: a register is written at edge {edge}, not at the first edge of a tick")
             self._to(sim, task, edge // TICK_CYCLES)
             entry = registers.BY_ADDRESS[address]
             sim.write(entry.name, registers.from_bus(data, entry.fmt))
@@ -186,7 +188,7 @@ class FrameSimulator:
 
 
 class BasebandSimulator(FrameSimulator):
-    """Closed loops by the baseband engine, within its tolerances (docs/parts/averaged.md); raises its ConfigErrors."""
+    """Closed loops by the baseband engine, within its tolerances (docs/plant.md); raises its ConfigErrors."""
 
     name = "baseband"
 

@@ -70,7 +70,7 @@ class AveragedLoop:
 
         rows = self._rows([run(k, d) for d in range(count) for k in range(len(self.conditions))], kind)
         if any(v is None for v in rows):
-            raise ConfigError("wide priors: the averaged plant leaves its range")
+            raise ConfigError("wide priors: the averaged plant leaves its valid range")
         jitter = np.mean([jitter_hz(d) for d in range(count)])
         return np.array(rows) - self._word * (np.asarray(condition_shifts_hz)[self.condition] + jitter)
 

@@ -28,11 +28,13 @@ def read(path):
         lo, hi = LIMIT[kind]
         for key, value in table.items():
             if key not in LIMITS:
-                raise ConfigError(f"{path}: [{kind}] {key}: is no key of [plant]")
+                raise ConfigError(f"{path}: [{kind}] {key}: not a key of [plant]")
             if key in out:
-                raise ConfigError(f"{path}: [{kind}] {key}: duplicate, it has a tolerance already")
+                raise ConfigError(f"{path}: [{kind}] {key}: duplicate key, it already has a tolerance")
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not lo < value <= hi:
-                raise ConfigError(f"{path}: [{kind}] {key}: {value!r}: above {lo:g} and at most {hi:g} wanted")
+                raise ConfigError(
+                    f"{path}: [{kind}] {key}: {value!r}, expected a number above {lo:g} and at most {hi:g}"
+                )
             out[key] = kind, float(value)
     return out
 
@@ -45,7 +47,8 @@ def parameters(model, tolerances, declared=()):
         if key in declared_keys:
             continue
         if not mean or (kind == "factor" and mean < 0):
-            raise ConfigError(f"data sheet: {key} = {mean:g}: a {kind} tolerance needs another value")
+            wanted = "a value above 0" if kind == "factor" else "a value other than 0"
+            raise ConfigError(f"data sheet: {key} = {mean:g}, a {kind} tolerance needs {wanted}")
         logarithmic = mean > 0 and key not in ("plant.fx_hz", "plant.fy_hz")
         scale = math.log(tolerance) if kind == "factor" else tolerance if logarithmic else tolerance * abs(mean)
         out.append(Parameter(key, field.unit, mean, scale, logarithmic, field.lo, field.hi))

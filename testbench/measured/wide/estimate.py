@@ -85,8 +85,8 @@ class Estimate(NamedTuple):
 
     def lines(self):
         """Lines for the report: how the stages have ended."""
-        end = f"rms of the features {self.rms:.3g} sigmas" + ("" if self.converged else ", NOT converged")
-        summary_line = f"wide priors: {len(self.parameters)} parameters from the record itself, {end}"
+        end = f"rms residual of the features {self.rms:.3g} sigma" + ("" if self.converged else ", NOT converged")
+        summary_line = f"wide priors: {len(self.parameters)} parameters estimated from the record, {end}"
         return (summary_line, *(f"wide priors: {key} is at the edge of its prior" for key in self.at_wall), *self.noise)
 
 
@@ -245,8 +245,6 @@ def estimate(measured, model, parameters, bench, progress=None):
     walls = tuple(p.key for p, x in zip(parameters, work.u) if abs(x) > WALL - 1e-6)
     end = loop.mean(work.u, DRAWS, EXACT)
     if end is None:
-        raise ConfigError(
-            "wide priors: the stages end at a board that does not lock under the conditions of the record"
-        )
+        raise ConfigError("wide priors: the estimated board does not lock under the conditions of the record")
     cfg, noise = noise_levels.fit_flicker_level(loop, loop.config(work.u))
     return Estimate(fitted_parameters, cfg, tuple(work.steps), walls, work.rms(end[0], NAMES), ends[-1], noise)

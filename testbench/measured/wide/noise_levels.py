@@ -40,7 +40,9 @@ def fit_flicker_level(loop, cfg):
     flicker = simulate_slow_features(disable_retiming(cfg)) - simulate_slow_features(disable_retiming(flicker_free))
     other_noise_draws -= other_noise_draws.mean(axis=1, keepdims=True)
     level, gain = likeliest(contrasts, covariances(other_noise_draws), covariances(flicker))
-    level_text = f"noise: 1/f noise of the demodulators: {level:.2g} times the declared level, as the repeats differ"
+    level_text = (
+        f"noise: 1/f noise of the demodulators is {level:.2g} times the declared level, estimated from the repeats"
+    )
     return configuration.changed(cfg, {KEY: level * declared}), (level_text,) if gain > REPORT_GAIN else ()
 
 

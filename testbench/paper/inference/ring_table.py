@@ -5,7 +5,7 @@
     nodes          `ring_diode.diode_ring` and `cv_noise` themselves, with capacitances and diodes of the default board
 
 Beyond the box a board is taken to be on its edge; the priors reach it with a probability below 1e-3.
-Source    docs/inference.md, docs/parts/ring_diode.md
+Source    docs/inference.md, analog_frontend/parts/ring_diode.py
 """
 
 import functools

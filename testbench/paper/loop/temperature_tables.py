@@ -1,6 +1,6 @@
 """What a board gives over temperature, and the sources of its C/V noise, as tables at three temperatures.
 
-Source    docs/parts/cv_noise.md
+Source    analog_frontend/parts/cv_noise.py
 """
 
 import math

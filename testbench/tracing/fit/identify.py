@@ -57,15 +57,15 @@ def identify(fit):
 
 def _direction_text(nuisances, vector, by):
     order = [k for k in np.argsort(-np.abs(vector)) if abs(vector[k]) > LEAST_COMPONENT]
-    free = " (free: column of 1e3 sigma)"
+    free = " (without a prior, scaled to 1e3 sigma)"
     combination_text = " ".join(
         f"{vector[k]:+.2f} {nuisances[k].name}{'' if np.isfinite(nuisances[k].prior_sd) else free}" for k in order
     )
     if by == "data":
-        return f"the data fix {combination_text}"
-    other = "only the prior does" if by == "prior" else "nothing does: give it a prior or another experiment"
+        return f"the data determine {combination_text}"
+    other = "only the prior does" if by == "prior" else "nothing does: add a prior or another experiment"
     single = len(order) == 1
-    return f"the data do not fix {'' if single else 'the combination '}{combination_text} (in prior sd); {other}"
+    return f"the data do not determine {'' if single else 'the combination '}{combination_text} (in prior sd); {other}"
 
 
 def unseen_directions(identifiability):

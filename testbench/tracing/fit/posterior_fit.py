@@ -119,7 +119,7 @@ def _fresh(model, point, prediction):
     if np.all(np.isfinite(jacobian)):
         return jacobian, ""
     lost = [name for name, bad in zip(model.columns, ~np.isfinite(jacobian).all(axis=0)) if bad]
-    return None, f"no prediction beside {', '.join(lost)}"
+    return None, f"no prediction for a small change of {', '.join(lost)}"
 
 
 def _better(model, point, solver, cost, first):

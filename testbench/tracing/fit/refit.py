@@ -63,21 +63,21 @@ def refit(base, names, table):
     added = [law for law in model.laws if law.name not in base.model.names]
     for law in added:
         if discontinuous(base, law):
-            return _failed_fit(base, model, f"{law.name} jumps at coefficient 0")
+            return _failed_fit(base, model, f"the prediction jumps where the coefficient of {law.name} is 0")
     columns = table.signature_columns(base, [law.name for law in added])
     if not np.all(np.isfinite(columns)):
-        return _failed_fit(base, model, "cannot be predicted")
+        return _failed_fit(base, model, "the model gives no prediction")
     start, origin, jacobian = linear_start(base, model, columns)
     new_fit = fit(model, start, jacobian)
     if new_fit.failed:
         return new_fit
     stuck = [law.name for law, c in zip(model.laws, new_fit.point.c) if law.sign and c == 0.0]
     if stuck:
-        return new_fit._replace(failed=f"{', '.join(stuck)} wants the forbidden sign")
+        return new_fit._replace(failed=f"the best coefficient of {', '.join(stuck)} has the forbidden sign")
     if new_fit.cost > base.cost + 0.1:
-        return new_fit._replace(failed="no better than without it: diverged")
+        return new_fit._replace(failed="diverged: the fit is worse than without the law")
     if not np.all(np.isfinite(new_fit.covariance)):
-        return new_fit._replace(failed="data do not fix the coefficient")
+        return new_fit._replace(failed="the data do not determine the coefficient")
     point_change = np.concatenate([new_fit.point.theta - origin.theta, new_fit.point.c - origin.c])
     bend = float(np.linalg.norm(new_fit.z - base.z + jacobian @ point_change))
     return new_fit._replace(bend=base.bend + bend)

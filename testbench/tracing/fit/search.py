@@ -65,7 +65,7 @@ class Search:
             and len(names) > 1
             and not evidence.linear_sets(self.ranking, names, self.laws, len(names)).fall[0]
         ):
-            self.failed[names] = "its laws are too alike to be parts of one set"
+            self.failed[names] = "its laws are too similar to be in one set"
         if names in self.failed:
             self.candidates.pop(names, None)
             return False
@@ -180,7 +180,7 @@ def _unseen_reason(fit):
     """Why a set is none whose laws' coefficients are known: ""."""
     n = len(fit.point.theta)
     names = evidence.blind(fit.covariance[n:, n:], fit.model.laws)
-    return f"data do not see the plausible size of {', '.join(names)}" if names else ""
+    return f"the data are not sensitive to a plausible size of {', '.join(names)}" if names else ""
 
 
 def _unphysical_reason(fit):

@@ -30,8 +30,8 @@ class Finding(NamedTuple):
 
     @property
     def text(self):
-        finding_text = f"noise of {self.channel} is {self.ratio:.3g} times the model's {self.span}"
-        return f"{finding_text} ({self.low:.3g} .. {self.high:.3g}, {self.source})"
+        finding_text = f"noise of {self.channel} {self.span} is {self.ratio:.3g} times that of the model"
+        return f"{finding_text} (95 % interval {self.low:.3g} .. {self.high:.3g}, from {self.source})"
 
 
 class Band(NamedTuple):

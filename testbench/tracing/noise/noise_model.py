@@ -163,7 +163,7 @@ def estimate_octave_noise(spaces, rng, alpha=0.01, draws=400, judge=True):
     spectral = min(1.0, 1 - (1 - min(p[at], 1.0)) ** len(p))
     o = octaves[at]
     span = "the mean" if o.last == 0 else f"octaves {o.first}..{o.last}"
-    worst = f"{o.observable}, {span}: variance {o.ratio:.3g} x declared"
+    worst = f"{o.observable}, {span}: variance {o.ratio:.3g} times the declared one"
     jump_p, jump = _jump(spaces, rng, draws)
     p_global = float(min(1.0, 2 * min(spectral, jump_p)))
     return Noise(_octaves(joined, trust, rejected=p_global < alpha), p_global, worst, jump, dof)

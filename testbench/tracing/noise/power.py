@@ -70,7 +70,12 @@ class Power:
             for i, name in enumerate(ranking.names):
                 law, length = self.laws[name], ranking.length[i]
                 if length == 0 or null is None:
-                    out[name] = {"d": None, "value": None, "unit": law.unit, "why": "not seen by these data"}
+                    out[name] = {
+                        "d": None,
+                        "value": None,
+                        "unit": law.unit,
+                        "why": "these data are not sensitive to it",
+                    }
                     continue
                 spread = max(1.0, float(np.std(ranking.signatures[:, i] @ draws[: self.space.size] / length)))
                 d = _statistic_at(null, self.crit) + Z90 * spread

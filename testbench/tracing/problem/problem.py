@@ -53,8 +53,8 @@ class Law(NamedTuple):
         """What a coefficient breaks, in words, if it is further than LIMIT_SDS sd outside of its limits; "" if not."""
         for limit, excess, than in ((self.low, self.low - value, "below"), (self.high, value - self.high, "above")):
             if excess > LIMIT_SDS * sd:
-                violation = f"{self.name}: {value:.3g} is {than} {limit:.3g} {self.unit}"
-                return f"{violation}, the limit of physics ({self.reason})"
+                violation = f"{self.name}: {value:.3g} is {than} the physical limit {limit:.3g} {self.unit}"
+                return f"{violation} ({self.reason})"
         return ""
 
 
@@ -122,8 +122,8 @@ class Problem:
     def _check_member(cls, name, error):
         if not name.startswith("_") and name not in cls._members:
             close_matches = difflib.get_close_matches(name, cls._members, 1)
-            hint = f"; did you mean {close_matches[0]}?" if close_matches else ", nor named in adds"
-            raise error(f"{cls.__name__}.{name} is no member of a problem{hint}")
+            hint = f"; did you mean {close_matches[0]}?" if close_matches else " and is not named in adds"
+            raise error(f"{cls.__name__}.{name} is not a member of a problem{hint}")
 
     def observed_features(self, k):
         """Features of segment k, (n,)."""
@@ -200,18 +200,22 @@ def check(problem):
     _unique("segment", [s.name for s in problem.segments])
     for n in problem.nuisances:
         if not math.isfinite(n.value) or not n.prior_sd > 0:
-            raise ConfigError(f"nuisance {n.name}: value {n.value} sd {n.prior_sd} {n.unit}: finite, sd > 0 wanted")
+            raise ConfigError(
+                f"nuisance {n.name}: value {n.value}, sd {n.prior_sd} {n.unit}; expected finite numbers and sd above 0"
+            )
     for law in laws:
         if not (math.isfinite(law.scale) and law.scale > 0) or law.sign not in (-1, 0, 1):
-            raise ConfigError(f"law {law.name}: scale {law.scale} {law.unit}, sign {law.sign}: scale > 0, sign -1..1")
+            raise ConfigError(
+                f"law {law.name}: scale {law.scale} {law.unit}, sign {law.sign}; expected scale > 0, sign -1, 0 or 1"
+            )
         if not law.low <= 0.0 <= law.high:
-            raise ConfigError(f"law {law.name}: limits {law.low} .. {law.high} {law.unit}: 0 is outside")
+            raise ConfigError(f"law {law.name}: limits {law.low} .. {law.high} {law.unit} do not include 0")
     if not any(s.role == "fit" for s in problem.segments):
         raise ConfigError(f"{problem.name}: no segment with the role fit")
     group_shapes = {}
     for k, s in enumerate(problem.segments):
         if s.role not in ("fit", "validate"):
-            raise ConfigError(f"segment {s.name}: role {s.role}: fit or validate")
+            raise ConfigError(f"segment {s.name}: role {s.role}, expected fit or validate")
         y = np.asarray(problem.observed_features(k))
         if y.ndim != 1 or not len(y) or not np.all(np.isfinite(y)):
             raise ConfigError(f"segment {s.name}: features must be finite and one-dimensional, shape {y.shape}")

@@ -54,7 +54,10 @@ def _gain(problem):
         return 1.0
     deviations, features = problem.noise_estimated_from
     if deviations <= features + 2:
-        raise ConfigError(f"{problem.name}: noise of {features} features from {deviations} deviations: more are needed")
+        raise ConfigError(
+            f"{problem.name}: noise of {features} features is estimated from {deviations} deviations, "
+            f"at least {features + 3} are needed"
+        )
     return float(np.sqrt((deviations - features - 2) / (deviations - 1)))
 
 

@@ -53,7 +53,7 @@ class Store:
             try:
                 self.path.mkdir(parents=True, exist_ok=True)
             except OSError as problem:
-                raise FileError(f"{path}: no folder for checkpoints: {problem.strerror}") from None
+                raise FileError(f"{path}: the folder for checkpoints cannot be created: {problem.strerror}") from None
 
     def _entry_path(self, key, ending):
         return self.path / key[:2] / (key + ending)
@@ -80,7 +80,7 @@ class Store:
         data = inputs.read_bytes(path)
         body, seal = data[:-SEAL_BYTES], data[-SEAL_BYTES:]
         if seal != _seal(key, body):
-            raise FileError(f"{path}: is damaged, or of another key")
+            raise FileError(f"{path}: damaged, or written for other data")
         return body
 
     def load_arrays(self, key):

@@ -1,6 +1,6 @@
 /* What the plant has beyond its base: laws, and mechanisms that are no law.
 
-   law         "PORT = COEFFICIENT FACTOR ..."; ports and factors of docs/parts/ports.md but walk and flip
+   law         "PORT = COEFFICIENT FACTOR ..."; ports and factors of docs/effects.md but walk and flip
    mechanism   "NAME COEFFICIENT PARAMETER", each with a memory or a threshold of its own:
      hysteresis   F_x = -c q      q follows x and slips at |q| = p (m)                      N/m, m
      play         n_y = c q       q lags behind x with a play of p (m)                      V/m, m

@@ -1,6 +1,6 @@
 /* A second plant of the gyroscope behind the plant port, for records whose truth is not made by the product's own.
 
-   From the equations of docs/parts; no code and no number of analog_frontend. What is different:
+   From the equations of docs/plant.md and its modules; no code and no number of analog_frontend. What is different:
      state        each mode is one complex number in a frame that turns with it; chains; capacitors
      integration  variation of constants: staircases behind three poles act on a mode in closed form (chain.h); coupling,
                   laws and noise as impulses in the middle of a step, `own.steps` steps to a tick (1, 2, 4 ..)

@@ -1,6 +1,6 @@
 /* Ring diode of a C/V converter for small signals: gain (V per farad of dC) and delay at a temperature.
 
-   Equations of docs/parts/ring_diode.md, solved in doubles:
+   Equations of analog_frontend/parts/ring_diode.py, solved in doubles:
        V/dC = (E - 2 Vf - 2 n VT (g - ln cosh u) - bounce) / (Ct g),   u = Is T/(2 n VT Ctail),   g = u coth u
        tau  = Cref/(4 fc Ct g) (1 + 2 Cj/Cref) + T a/(8 (1 + a + 2 Cj/Cref)),   a = Ct/Cref
        Vf   = -n VT ln tanh u,   bounce = (C0 E - 2 Vf X)/(Cref + X),   X = C0 + stray

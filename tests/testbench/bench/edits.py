@@ -1,6 +1,6 @@
 """How long an edit takes to its first result: wall time of whole processes, on a copy of the tree with its own cache.
 
-    python -m tests.testbench.bench.edits [ROUNDS]
+    python -m tests.testbench.bench.edits [ROUNDS]     prints the times, and stores them in docs/results/edits.json
 
     first call     gyro run --seconds 1 --rate-dps 100 --seed 1, nothing compiled
     effect         a tenth of a second from lock after an edit of an effect's law, the effect on
@@ -18,6 +18,9 @@ import time
 from pathlib import Path
 
 from fpga_model.jit import PACKAGES, ROOT
+from testbench.bench import machine
+from testbench.console.results import write_results
+from testbench.console.text_table import Table
 
 RUN = ["-m", "testbench.commands.main", "run", "--rate-dps", "100", "--seed", "1", "--out", "out"]
 TICKS = "from testbench.run import warmup; warmup.compile_clocked()"
@@ -63,9 +66,13 @@ def measure(rounds):
 
 
 def main():
-    """Print a line for each case."""
+    """Print a line for each case, and store the table."""
+    rows = []
     for name, times in measure(int(sys.argv[1]) if len(sys.argv) > 1 else 3).items():
-        print(f"{name:12} {statistics.median(times):6.1f} s   {' '.join(f'{t:.1f}' for t in times)}")
+        rows.append((name, f"{statistics.median(times):.1f} s", " ".join(f"{t:.1f}" for t in times)))
+        print("   ".join(rows[-1]))
+    table = Table("", ("after an edit of", "median wall time", "rounds, s"), rows, f"Measured on {machine.cpu()}.", (1,))
+    write_results("edits", "python -m tests.testbench.bench.edits", [table])
 
 
 if __name__ == "__main__":

@@ -36,7 +36,8 @@ import numpy as np
 from fpga_model.rates import FRAME_TICKS, TICK_HZ
 from testbench.bench.machine import cpu, versions
 from testbench.config import Config, Scenario, changed
-from testbench.console.markdown import ROOT, markdown, replace_part
+from testbench.console.markdown import ROOT
+from testbench.console.results import write_results
 from testbench.console.text_table import Table
 from testbench.run.simulation import Simulation
 from testbench.storage.files import write_text
@@ -377,12 +378,11 @@ def result_tables(result):
     ]
 
 
-def page_part(result):
-    """The generated part of docs/portability.md."""
-    environments, found = result_tables(result)
+def stored_results(result):
+    """(command, tables) that docs/results/portability.json holds."""
+    environments, found = (table._replace(title="") for table in result_tables(result))
     command = f"{COMMAND} --engine {result['engine']} --seconds {result['seconds']:g}"
-    head = f"Measured with `{command}` on {result['cpu']}."
-    return f"{head}\n\n{markdown(environments)}\n\n{markdown(found)}\n\n{found.note}"
+    return command, [environments._replace(note=f"Measured on {result['cpu']}."), found]
 
 
 def _engines():
@@ -399,7 +399,7 @@ def arguments(given):
     parser.add_argument("--also", nargs="+", default=[], metavar="PYTHON", help="interpreters of other environments")
     parser.add_argument("--make-old", metavar="DIR", help="make an environment of the lowest versions, and run it too")
     parser.add_argument("--tests", action="store_true", help="run the fast tests of the core in each of them, too")
-    parser.add_argument("--page", action="store_true", help="write the tables in docs/portability.md")
+    parser.add_argument("--page", action="store_true", help="store the tables in docs/results/portability.json")
     options = parser.parse_args(given)
     least = INTERPRETED_TICKS / TICK_HZ
     if not least <= options.seconds <= SECONDS_LIMIT:
@@ -445,9 +445,8 @@ def main(given=None):
     write_text(ROOT / "build" / "portability.json", json.dumps(result, indent=1) + "\n")
     written = ["build/portability.json"]
     if options.page:
-        page = ROOT / "docs" / "portability.md"
-        write_text(page, replace_part(page.read_text(), "portability", page_part(result)))
-        written.append("docs/portability.md")
+        write_results("portability", *stored_results(result))
+        written.append("docs/results/portability.json")
     print(f"written: {', '.join(written)}")
     return 1 if result["problems"] else 0
 

@@ -13,7 +13,7 @@ from analog_frontend import linear
 from analog_frontend.effects import catalogue
 from fpga_model import sequencer
 from testbench.bench import engine_stages, kernels, many, measure_speed, peers
-from testbench.console import markdown
+from testbench.console import markdown, results
 from tests.testbench.bench import ports_off
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -154,9 +154,21 @@ RESULT = {
 }
 
 
-def test_the_tables_are_the_measurement():
-    part = measure_speed.speed_part(RESULT)
-    assert "`python -m testbench.bench` on A processor; python 3.13.0, numba 0.68.1." in part
+@pytest.fixture
+def shown(tmp_path, monkeypatch):
+    """Function: what the site shows of a measurement."""
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+
+    def written(result):
+        results.write_results("speed", measure_speed.COMMAND, measure_speed.result_tables(result))
+        return results.results_markdown("speed")
+
+    return written
+
+
+def test_the_tables_are_the_measurement(shown):
+    part = shown(RESULT)
+    assert "Measured on A processor; python 3.13.0, numba 0.68.1." in part
     assert "| frame_rt | 30 | 29 .. 31 | 0.0333 s | 1 | 0.025 |" in part
     assert "| baseband_codes_rt | 250 | 240 .. 260 | 0.004 s | 0.12 | 0.003 |" in part
     assert "| clocked_rt | 0.75 | 0.4 .. 0.8 | 1.33 s | 40 | 1 |" in part
@@ -172,22 +184,16 @@ def test_the_tables_are_the_measurement():
     assert "| frame engine, processes | 2 | 25 ms | 2.00 |" in part
     assert "takes 321 kB in the arrays of its group, and 5.2 MB of the process" in part
     assert "takes 0.100 s of CPU." in part
-    assert "not measured" in measure_speed.speed_part(RESULT | {"peak_pairs_per_s": None})
-    page = "before\n<!-- speed: written by testbench.bench -->\nold\n<!-- end -->\nafter"
-    once = markdown.replace_part(page, "speed", part)
-    assert markdown.replace_part(once, "speed", part) == once
-    assert once.startswith("before\n")
-    assert once.endswith("<!-- end -->\nafter")
+    assert "not measured" in shown(RESULT | {"peak_pairs_per_s": None})
 
 
 def test_a_measurement_is_written_whole(tmp_path, monkeypatch, capsys):
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "speed.md").write_text("<!-- speed: written by testbench.bench -->\n<!-- end -->\n")
     monkeypatch.setattr(measure_speed, "ROOT", tmp_path)
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
     monkeypatch.setattr(measure_speed, "measure", lambda: RESULT)
     assert measure_speed.main() == 0
     assert json.loads((tmp_path / "build" / "bench.json").read_text()) == RESULT
-    assert "0.75" in (tmp_path / "docs" / "speed.md").read_text()
+    assert "0.75" in results.results_markdown("speed")
     assert "Speed, one core" in capsys.readouterr().out
 
 
@@ -283,12 +289,13 @@ def test_growth_covers_every_source_and_effect():
 
 
 def test_the_documented_numbers_come_from_a_measurement():
-    """docs/speed.md holds a table with every key, written by the command that it names."""
-    page = (markdown.ROOT / "docs" / "speed.md").read_text()
+    """docs/results/speed.json holds a table with every key, written by the command that it names."""
+    page = results.results_markdown("speed")
     assert f"Measured with `{measure_speed.COMMAND}`" in page
     for key, _ in (*measure_speed.SPEEDS, *measure_speed.FIRST_CALLS):
         assert f"| {key} |" in page
     assert f"{measure_speed.pairs_per_tick():.0f} multiplications" in page
+    page = (markdown.ROOT / "docs" / "speed.md").read_text()
     long, short = measure_speed.PEER_TICKS["verilator"] / 1e6, measure_speed.PEER_TICKS["icarus"] / 1e3
     assert f"over {long:g} s (Icarus: {short:g} ms)" in page
 

@@ -1,14 +1,11 @@
 """The firmware in C, closed around the plant in C++: the codes of the engines, without undefined behaviour."""
 
-import re
-from pathlib import Path
-
 import numba
 import numpy as np
 import pytest
 
 from testbench.bench import c_firmware, kernels, peers
-from testbench.console import markdown
+from testbench.console import results
 from tests.testbench.bench.test_bench_peers import QUICK, checked, exported, joined, needs  # noqa: F401
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
@@ -63,7 +60,7 @@ def test_the_ratio_is_that_of_rounds():
 
 
 def test_the_page_has_the_measurement():
-    page = (Path(markdown.ROOT) / "docs" / "speed.md").read_text()
-    assert f"Measured with `{c_firmware.COMMAND}` on" in page
-    ratio = re.search(rf"\| {re.escape(c_firmware.C)} \|.*\| ([0-9.]+) \|$", page, re.M)
-    assert float(ratio[1]) >= 1.5
+    command, (table,) = results.read_results("speed_c_firmware")
+    assert command == c_firmware.COMMAND
+    (ratio,) = (row[3] for row in table.rows if row[0] == c_firmware.C)
+    assert float(ratio) >= 1.5

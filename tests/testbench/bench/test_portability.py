@@ -13,7 +13,7 @@ from numba import njit
 
 from analog_frontend.effects import catalogue
 from testbench.config import Config
-from testbench.console import markdown
+from testbench.console import markdown, results
 from testbench.run.simulation import Simulation
 from tests.testbench.bench import portability
 from tests.testbench.bench.portability import CASES, TARGETS, Target
@@ -260,39 +260,47 @@ def result_of(runs):
     }
 
 
-def test_the_tables_are_the_measurement():
+@pytest.fixture
+def shown(tmp_path, monkeypatch):
+    """Function: what the site shows of a measurement."""
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+
+    def written(result):
+        results.write_results("portability", *portability.stored_results(result))
+        return results.results_markdown("portability")
+
+    return written
+
+
+def test_the_tables_are_the_measurement(shown):
     short = run_of("B", "interpreted", {"10000": ONE})
     short["code"]["bits"] = 0
-    part = portability.page_part(result_of([run_of(), short]))
-    assert "`python -m tests.testbench.bench.portability --engine frame --seconds 60` on A processor." in part
+    part = shown(result_of([run_of(), short]))
+    assert "Measured with `python -m tests.testbench.bench.portability --engine frame --seconds 60`." in part
+    assert "Measured on A processor." in part
     assert "| B | 3.11.7 | 0.61.0 | 0.44.0 | 2.0.0 | 1.13.0 |" in part
     assert "| A | native | 512 | 0 | aaaaaaaa | aaaaaaaa |" in part
     assert "| B | interpreted | | | aaaaaaaa | |" in part
-    assert part.endswith("All hashes equal, and so is every register and every double of the state at each mark.")
-    page = "before\n<!-- portability: written by tests.testbench.bench.portability -->\nold\n<!-- end -->\nafter"
-    once = markdown.replace_part(page, "portability", part)
-    assert markdown.replace_part(once, "portability", part) == once
+    assert "All hashes equal, and so is every register and every double of the state at each mark." in part
 
 
-def test_a_failed_run_shows():
+def test_a_failed_run_shows(shown):
     failed = {"environment": "B", "target": "generic", "error": "ended by SIGILL"}
-    part = portability.page_part(result_of([run_of(), failed]))
+    part = shown(result_of([run_of(), failed]))
     assert "| B | generic | | | failed | failed |" in part
-    assert part.endswith("B generic: ended by SIGILL")
+    assert "B generic: ended by SIGILL" in part
 
 
 @pytest.mark.parametrize(("marks", "code"), [({"10000": ONE}, 0), ({"10000": OTHER}, 1)])
 def test_the_exit_code_says_whether_all_are_equal(tmp_path, monkeypatch, capsys, marks, code):
-    (tmp_path / "docs").mkdir()
-    page = tmp_path / "docs" / "portability.md"
-    page.write_text("<!-- portability: written by tests.testbench.bench.portability -->\n<!-- end -->\n")
     monkeypatch.setattr(portability, "ROOT", tmp_path)
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
     monkeypatch.setattr(portability, "measure", lambda *_: [run_of(), run_of("B", marks=marks)])
     assert portability.main(["--engine", "clocked", "--also", sys.executable]) == code
     assert json.loads((tmp_path / "build" / "portability.json").read_text())["seconds"] == 60.0
-    assert "aaaaaaaa" not in page.read_text()
+    assert not (tmp_path / "portability.json").exists()
     assert portability.main(["--engine", "clocked", "--page"]) == code
-    assert "aaaaaaaa" in page.read_text()
+    assert "aaaaaaaa" in results.results_markdown("portability")
     assert "Hash of all codes" in capsys.readouterr().out
 
 
@@ -313,8 +321,8 @@ def test_a_mistake_is_one_line(given, line, capsys):
 
 
 def test_the_page_holds_a_measurement():
-    """docs/portability.md holds the tables, written by the command that it names, and no difference."""
-    page = (markdown.ROOT / "docs" / "portability.md").read_text()
+    """docs/results/portability.json holds the tables, the command that wrote them, and no difference."""
+    page = results.results_markdown("portability")
     assert "Measured with `python -m tests.testbench.bench.portability" in page
     assert "All hashes equal" in page
     for target in TARGETS:

@@ -192,8 +192,8 @@ def test_frames_of_another_length_have_their_own_time(tmp_path):
 
 def test_what_a_plan_of_designs_may_not_ask(tmp_path):
     for keep, said in (
-        ("[keep.streams]\nrate_word = 8\n", "frames a second have no time in common"),
-        ("[keep]\ntau_s = [0.000125]\n", "tau_s: 0.000125 s is no multiple of 1 frames of 135.417 us"),
+        ("[keep.streams]\nrate_word = 8\n", "frames a second have no common time axis"),
+        ("[keep]\ntau_s = [0.000125]\n", "tau_s: 0.000125 s is not a multiple of 1 frames of 135.417 us"),
     ):
         path, _ = designs_plan(tmp_path, keep)
         code, _, err = campaign("check", path)

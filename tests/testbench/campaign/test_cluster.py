@@ -30,7 +30,7 @@ def test_a_cluster_of_two_workers_equals_the_local_run(tmp_path):
     run_json(plan, "--out", tmp_path / "local")
     code, out, err = child("run", plan, "--out", tmp_path / "dask", "--cluster", 2)
     assert code == 0, err
-    assert "40 points, 0 finished before, 40 now" in out
+    assert "40 points, 0 finished earlier, 40 in this run" in out
     assert finished(tmp_path / "dask") == finished(tmp_path / "local")
     pids = {event.pid for event in Store.open_folder(tmp_path / "dask").events()}
     assert len(pids) == 2
@@ -42,7 +42,7 @@ def test_points_that_fail_on_a_cluster(tmp_path):
     path.write_text(f'engine = "{INSTANT}"\n[axes.rate]\nscenario.rate_dps = [0, 1, 5]\n')
     code, out, err = child("run", path, "--out", tmp_path / "s", "--cluster", 1)
     assert code == 2, err
-    assert "p: 3 points, 0 finished before, 2 now" in out
+    assert "p: 3 points, 0 finished earlier, 2 in this run" in out
     assert "ValueError: this point cannot be simulated" in out
 
 
@@ -63,7 +63,7 @@ def test_an_unreachable_scheduler_is_one_line_within_seconds(tmp_path):
     assert time.monotonic() - began < cluster.CONNECT_S + 45, "of which the start of a process on a busy machine"
     errors = [line for line in err.splitlines() if line.startswith("gyro: ")]
     assert (code, len(errors)) == (2, 1), err
-    assert f"--unencrypted-scheduler {address}: no Dask scheduler answers there within 5 s" in errors[0]
+    assert f"--unencrypted-scheduler {address}: no Dask scheduler answered within 5 s" in errors[0]
     assert "Traceback" not in err
     assert finished(tmp_path / "s") == before
     assert not Store.open_folder(tmp_path / "s").busy()
@@ -80,7 +80,7 @@ def test_what_is_no_address_is_one_line(tmp_path, address):
 def test_a_scheduler_without_certificates_wants_an_option_of_its_own(tmp_path, address):
     code, _, err = campaign("run", plan_file(tmp_path), "--out", tmp_path / "s", "--scheduler", address)
     assert (code, err.count("\n")) == (2, 1)
-    assert f"--scheduler {address}: has no certificates: whoever reaches it runs code as you" in err
+    assert f"--scheduler {address}: has no certificates, so anyone who reaches it can run code as you" in err
     assert f"--unencrypted-scheduler {address}" in err
     assert not (tmp_path / "s").exists()
 
@@ -198,4 +198,4 @@ def test_without_dask_it_is_one_line(tmp_path, monkeypatch):
 def test_one_kind_of_worker_at_a_time(tmp_path):
     code, _, err = campaign("run", plan_file(tmp_path), "--out", tmp_path / "s", "--workers", 2, "--cluster", 1)
     assert code == 2
-    assert "give one of them" in err
+    assert "give only one of them" in err

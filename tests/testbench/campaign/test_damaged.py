@@ -101,7 +101,7 @@ def proved(sound, store, tmp_path, bad=(), refused=False):
         assert len([line for line in err.splitlines() if line.startswith("gyro: ")]) == 1
         return
     assert code == 0, err
-    assert f"4 points, {4 - len(bad)} finished before, {len(bad)} now" in out
+    assert f"4 points, {4 - len(bad)} finished earlier, {len(bad)} in this run" in out
     assert all(str(store.point_path(address)) in err for address in bad)
     assert finished(store.path) == finished(sound / "store")
     assert lines("status", store, tmp_path)[0] == 0
@@ -211,14 +211,14 @@ def test_a_journal(sound, store, tmp_path, damage):
     DAMAGES[damage](first("journal/*.jsonl")(store))
     proved(sound, store, tmp_path)
     if damage not in ("empty", "dangling"):
-        assert "of journals cannot be read" in lines("status", store, tmp_path)[2]
+        assert "unreadable lines of journals" in lines("status", store, tmp_path)[2]
 
 
 @pytest.mark.parametrize("damage", some(DAMAGES, "no_text", "fifo"))
 def test_a_lock(sound, store, tmp_path, damage):
     DAMAGES[damage](store.path / "lock")
     code, err, out = lines("status", store, tmp_path)
-    assert (code, "nobody is at work here" in out) == (0, True)
+    assert (code, "no campaign is running in this store" in out) == (0, True)
     if damage in ("fifo", "folder", "endless"):
         code, err, _ = lines("collect", store, tmp_path)
         assert (code, len(err)) == (2, 1)

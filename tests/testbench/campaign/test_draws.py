@@ -71,10 +71,10 @@ def test_limits_draw_again_and_change_no_other():
 
 MISTAKES = [
     ([], "has no values"),
-    (5, "no list of values"),
-    ({"linspce": [1, 2, 3]}, "linspce is none of"),
-    ({}, "give one of"),
-    ({"normal": [0, 1], "uniform": [0, 1]}, "give one of"),
+    (5, "is not a list of values"),
+    ({"linspce": [1, 2, 3]}, "linspce is not one of"),
+    ({}, "give exactly one of"),
+    ({"normal": [0, 1], "uniform": [0, 1]}, "give exactly one of"),
     ({"linspace": [1, 2]}, f"linspace = {FORMS['linspace']}"),
     ({"normal": [1, 2, 3]}, f"normal = {FORMS['normal']}"),
     ({"normal": ["1 kHz", 2]}, "is not a number"),
@@ -91,9 +91,9 @@ MISTAKES = [
     ({"range": [3, 1]}, "has no values"),
     ({"range": [1, 3, 0]}, "has no values"),
     ({"integers": [1.0, 3]}, "1.0 is not an integer"),
-    ({"range": [1, 3], "limits": [0, 1]}, "limits belong to draws"),
-    ({"normal": [0, 1], "limits": [0]}, "limits are [low, high]"),
-    ({"normal": [0, 1], "limits": [50, 60]}, "does not fall within limits"),
+    ({"range": [1, 3], "limits": [0, 1]}, "limits apply to draws only"),
+    ({"normal": [0, 1], "limits": [0]}, "limits must be a list [low, high]"),
+    ({"normal": [0, 1], "limits": [50, 60]}, "gave no value within limits"),
 ]
 
 

@@ -39,8 +39,8 @@ def test_a_plan_names_no_code(tmp_path, evil, text):
     for argv in (("check", path), ("run", path, "--out", tmp_path / "s")):
         done = gyro("campaign", *argv)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-        assert "no file can name code that would run here" in done.stderr
-        assert "give --engine NAME=evil_engine:ENGINE" in done.stderr
+        assert "a plan cannot name code to run" in done.stderr
+        assert "give the option --engine NAME=evil_engine:ENGINE" in done.stderr
     assert not evil.exists()
 
 
@@ -107,6 +107,6 @@ def test_an_old_store_is_read_without_an_import_and_runs_again_by_the_option(tmp
     point = Store.open_folder(store).addresses()[0]
     done = gyro("campaign", "rerun", store, point)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert f"was made by the engine '{PLACE}'; --engine NAME={PLACE} runs it" in done.stderr
+    assert f"was computed by the engine '{PLACE}'; give --engine NAME={PLACE} to run it" in done.stderr
     done = gyro("campaign", "rerun", store, point, "--engine", f"x={PLACE}")
     assert (done.returncode, "identical" in done.stdout) == (0, True), done.stderr

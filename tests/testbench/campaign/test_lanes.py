@@ -84,7 +84,7 @@ def test_either_engine_continues_what_the_other_began(frame, tmp_path):
 def test_workers_and_a_cluster_change_nothing(frame, tmp_path, where):
     code, out, err = child("run", mixed(tmp_path, "lanes"), "--out", tmp_path / "s", where, 2)
     assert code == 0, err
-    assert "27 points, 0 finished before, 27 now" in out
+    assert "27 points, 0 finished earlier, 27 in this run" in out
     assert finished(tmp_path / "s") == finished(frame)
 
 
@@ -141,7 +141,7 @@ def test_the_mates_of_a_point_that_kills_its_worker_finish(tmp_path, where):
     path.write_text(f'engine = "{LANES}"\n[axes.rate]\nscenario.rate_dps = [0, 2, 5, 6, 7, 8, 9, 10]\n')
     code, out, err = child("run", path, "--out", tmp_path / "s", where, 1)
     assert code == 2, err
-    assert "8 points, 0 finished before, 7 now" in out
+    assert "8 points, 0 finished earlier, 7 in this run" in out
     assert "1 failed" in out
 
 

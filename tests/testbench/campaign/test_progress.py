@@ -41,7 +41,7 @@ def told(terminal, points=10, quiet=False):
 
 def test_lines_without_a_terminal():
     _, said = told(terminal=False)
-    assert said[0] == "15 points, 5 of them finished before"
+    assert said[0] == "15 points, 5 of them finished earlier"
     assert said[1] == "9/15 points, 1 failed, 0.4 points/s, 0.6 x real time, 1 workers, 0:00:15 left"
     assert said[-1] == "15/15 points, 1 failed, 0.4 points/s, 0.72 x real time, 1 workers, 0:00:00 left"
     assert len(said) == 4

@@ -140,7 +140,10 @@ def test_a_point_that_is_not_what_it_was_is_seen(tiny, tmp_path):
     code, _, err = campaign("run", plan_file(tiny), "--out", tmp_path / "s", "--workers", 0)
     assert code == 0
     assert (
-        err.count(f"{store.point_path(b)}: was changed: the journal has another SHA-256 of it; this point is run") == 1
+        err.count(
+            f"{store.point_path(b)}: was changed: its SHA-256 differs from that in the journal; this point is run"
+        )
+        == 1
     )
     store.reject(b)
     assert run_json(plan_file(tiny), "--out", tmp_path / "s")["done"] == 1
@@ -237,7 +240,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(tmp_path):
     errors = [line for line in err.splitlines() if line.startswith("gyro: ")]
     assert len(errors) == 1
     assert "cannot be written: File too large" in errors[0]
-    assert "3 of 6 points are finished and kept: the same command continues" in errors[0]
+    assert "3 of 6 points are finished and kept; run the same command again to continue" in errors[0]
     assert "Traceback" not in err
     store = Store.open_folder(tmp_path / "s")
     assert len(store.addresses()) == 3
@@ -279,14 +282,14 @@ def test_two_campaigns_do_not_share_a_store_at_once(tmp_path):
             time.sleep(0.05)
         code, _, err = campaign("run", plan, "--out", tmp_path / "s")
         assert (code, err.count("\n")) == (2, 1)
-        assert f"another campaign is at work here: process {first.pid} on " in err
+        assert f"another campaign is running in this store: process {first.pid} on " in err
         code, out, _ = campaign("status", tmp_path / "s")
-        assert f"at work: process {first.pid}" in out
+        assert f"running: process {first.pid}" in out
         first.send_signal(signal.SIGINT)
         _, err = first.communicate(timeout=60)
         assert first.returncode == 130
         assert "interrupted" in err
-        assert "the same command continues" in err
+        assert "run the same command again to continue" in err
         assert "Traceback" not in err
     finally:
         first.kill()
@@ -300,11 +303,11 @@ def test_folders_that_are_no_stores(tmp_path):
     (tmp_path / "full" / "thesis.doc").write_text("x")
     code, _, err = campaign("run", plan_file(tmp_path), "--out", tmp_path / "full")
     assert (code, err.count("\n")) == (2, 1)
-    assert "is not empty and no store of campaigns" in err
+    assert "is neither empty nor a store of campaigns" in err
     assert os.listdir(tmp_path / "full") == ["thesis.doc"]
     code, _, err = campaign("status", tmp_path / "nowhere")
     assert (code, err.count("\n")) == (2, 1)
-    assert "is no store of campaigns" in err
+    assert "is not a store of campaigns" in err
     assert not (tmp_path / "nowhere").exists()
 
 

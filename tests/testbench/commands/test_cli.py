@@ -165,14 +165,14 @@ MISTAKES = [
     ),
     (["run", "--set", "output.columns=rate_word"], '--set: output.columns = "rate_word" is not a list of names'),
     (["run", "--set", "output.decimate=8001"], "--set: output.decimate = 8001 is above the limit 8000 frames"),
-    (["run", "--resume-run", "none"], "none: holds no interrupted run with a checkpoint; start it again"),
+    (["run", "--resume-run", "none"], "none: holds no interrupted run with a checkpoint; start the run again"),
     (["run", "--set", "noise.seed=1\nb=2"], r"--set: 'noise.seed=1\nb=2' has '\n' in its value"),
-    (["run", "--set", "output.directory=a\0b"], r"--set: 'output.directory=a\x00b' has a NUL"),
+    (["run", "--set", "output.directory=a\0b"], r"--set: 'output.directory=a\x00b' contains a NUL character"),
     (["run", "--set", "output.directory="], '--set: output.directory = "" is not the name of a folder'),
     (["run", "--out", ""], "--out: is empty"),
     (["measured", "record", "plan.toml", "--out="], "--out: is empty"),
     (["golden", "verify", ""], "argument 3: is empty"),
-    (["golden", "verify", "a\0b"], r"argument 3: 'a\x00b' has a NUL"),
+    (["golden", "verify", "a\0b"], r"argument 3: 'a\x00b' contains a NUL character"),
     (["budget", "--temperature-degc", "300"], "--temperature-degc: scenario.temperature_degc = 300 is above"),
 ]
 

@@ -4,7 +4,6 @@ import math
 import os
 import re
 import runpy
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -21,9 +20,11 @@ from fpga_model.design_record import DEFAULT
 from fpga_model.jit import kernel
 from testbench import config, flatten
 from testbench.config import Config, provenance
+from testbench.console.results import FOLDER
 from testbench.engines import engine
 from testbench.judge import phases
 from testbench.run import budget, build, run_tables, simulate, summary
+from testbench.version import VERSION
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.append(str(ROOT / "docs"))
@@ -31,7 +32,7 @@ sys.path.append(str(ROOT / "docs"))
 import pages  # noqa: E402
 
 # `make docs` writes docs/api
-WRITTEN = [path for path in sorted((ROOT / "docs").rglob("*.md")) if path.parent.name != "api"]
+WRITTEN = [p for p in sorted((ROOT / "docs").rglob("*.md")) if p.parent.name not in ("api", "changes")]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *WRITTEN]
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 
@@ -52,56 +53,61 @@ def says(name, *texts):
         assert wanted in text, f"{name} should say: {wanted}"
 
 
+def explains(module, *texts):
+    """The header of a block says so, whatever its spaces."""
+    text = " ".join(module.__doc__.split())
+    for wanted in texts:
+        assert wanted in text, f"{module.__name__} should say: {wanted}"
+
+
 # ---- generated parts -------------------------------------------------------------------------------------------------
 
 
-RANGES = "docs/ranges.md"  # proves every range anew: fifteen seconds
+RANGES = "ranges_"  # proves every range anew: fifteen seconds
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n == RANGES else ()) for n in pages.PAGES])
-def test_generated_parts_are_current(name):
-    assert list(pages.stale([name])) == [], "run: python docs/pages.py"
+def named_parts():
+    return {name for path in WRITTEN for name in pages.MARKER.findall(path.read_text())}
+
+
+@pytest.mark.parametrize("name", [n for n in pages.PARTS if not n.startswith(RANGES)])
+def test_a_part_is_a_table_or_a_text(name):
+    assert len(pages.part(name)) > 80
+
+
+def test_every_generated_part_is_on_a_page_and_every_page_names_known_ones():
+    stored = {path.stem for path in FOLDER.glob("*.json")} - {"paper_judged", "measured_parts", "effects"}
+    assert named_parts() == set(pages.PARTS) | stored
+
+
+def test_a_page_gets_its_parts(monkeypatch):
+    monkeypatch.setitem(pages.PARTS, "lock", lambda: "the table")
+    assert pages.with_parts("before\n\n<!-- generated: lock -->\nafter") == "before\n\nthe table\nafter"
+    with pytest.raises(KeyError, match="no generated part 'nothing'"):
+        pages.with_parts("<!-- generated: nothing -->")
 
 
 @pytest.mark.parametrize("core", ["Nehalem", "Haswell"])
-def test_the_page_of_the_paper_is_that_of_any_processor(core):
+def test_the_numbers_of_the_paper_are_those_of_any_processor(core):
     # a number printed to digits that its linear algebra does not hold differs between kernels of OpenBLAS
-    code = "import pages; print(list(pages.stale(['docs/paper.md'])))"
+    code = "import pages; print(pages.part('judged'))"
     path = os.pathsep.join(map(str, (ROOT, ROOT / "docs")))
     env = {**os.environ, "OPENBLAS_CORETYPE": core, "PYTHONPATH": path}
     done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=300)
-    assert done.stdout.strip() == "[]", done.stderr
+    assert done.stdout.strip() == pages.part("judged"), done.stderr
 
 
-def test_a_stale_part_is_named_and_mended(tmp_path, monkeypatch, capsys):
-    shutil.copytree(ROOT / "docs", tmp_path / "docs")
-    (tmp_path / "analog_frontend").symlink_to(ROOT / "analog_frontend")
+def test_a_stale_board_is_named_and_mended(tmp_path, monkeypatch, capsys):
+    (tmp_path / "docs" / "boards").mkdir(parents=True)
     monkeypatch.setattr(pages, "ROOT", tmp_path)
-    spoilt = {
-        "docs/phases.md": ("949.23", "949.24"),
-        "docs/blocks/registers.md": ("0x97C3F3", "0x97C3F4"),
-        "docs/configuration.md": ("`amplitude_um` | `5.0`", "`amplitude_um` | `5.1`"),
-        "docs/README.md": ("- [dds](blocks/dds.md)", "- [dss](blocks/dds.md)"),
-    }
-    sound = "docs/blocks/dds.md"  # all pages: the test above
-    monkeypatch.setattr(pages, "PAGES", {name: pages.PAGES[name] for name in (*spoilt, sound)})
+    board, sound = tmp_path / "docs" / "boards" / "paper.toml", (ROOT / "docs" / "boards" / "paper.toml").read_text()
+    board.write_text(sound)
     assert pages.main(["--check"]) == 0
-    for name, (old, new) in spoilt.items():
-        text = (tmp_path / name).read_text()
-        assert old in text
-        (tmp_path / name).write_text(text.replace(old, new))
+    board.write_text(sound + "more = 1\n")
     assert pages.main(["--check"]) == 1
-    named = capsys.readouterr().err
-    assert all(f"{name} is stale" in named for name in spoilt)
-    assert sound not in named
+    assert "docs/boards/paper.toml is stale" in capsys.readouterr().err
     assert pages.main([]) == 0
-    assert pages.main(["--check"]) == 0
-    assert (tmp_path / "docs" / "phases.md").read_text() == (ROOT / "docs" / "phases.md").read_text()
-
-
-def test_a_page_without_the_part_is_an_error():
-    with pytest.raises(ValueError, match="no part 'budget'"):
-        pages.replace_part("nothing here", "budget", "text")
+    assert board.read_text() == sound
 
 
 def test_other_arguments_are_refused(capsys):
@@ -151,13 +157,6 @@ def test_files_that_are_named_exist():
             assert name in tests, (path.name, name)
 
 
-def test_every_page_is_in_the_index():
-    index = (ROOT / "docs" / "README.md").read_text()
-    for path in WRITTEN:
-        name = path.relative_to(ROOT / "docs").as_posix()
-        assert f"({name})" in index or name == "README.md", name
-
-
 def test_every_page_is_in_one_chapter_of_the_site():
     """A build that keeps its pages does not warn of a new one without a chapter: only a first build does."""
     conf = runpy.run_path(str(ROOT / "docs" / "conf.py"))
@@ -183,8 +182,27 @@ def test_the_first_pages_speak_of_the_product_alone():
 
 
 def test_the_changelog_puts_numerical_output_first():
-    for version in re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)[1:]:
-        assert re.findall(r"^### (.*)$", version, re.M)[0] == "Numerical output"
+    versions = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)[1:]
+    assert versions[0].startswith(f"[{VERSION}]")
+    for text in versions:
+        assert "Numerical output" not in re.findall(r"^### (.*)$", text, re.M)[1:]
+
+
+def test_fragments_of_the_changelog_can_be_joined():
+    command = ["-m", "towncrier", "build", "--draft", "--version", "99.0.0"]
+    done = subprocess.run([sys.executable, *command], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    fragments = [p for p in (ROOT / "docs" / "changes").iterdir() if p.name != ".gitkeep"]
+    for path in fragments:
+        assert re.fullmatch(r"\+[\w-]+\.(numerical|changed|added|fixed)\.md", path.name), path.name
+        assert path.read_text().split()[0] in done.stdout
+
+
+def test_the_citation_is_of_this_version():
+    text = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {VERSION}\n" in text
+    (date,) = re.findall(r"^date-released: (.*)$", text, re.M)
+    assert f"## [{VERSION}] - {date}\n" in (ROOT / "CHANGELOG.md").read_text()
 
 
 # ---- README ----------------------------------------------------------------------------------------------------------
@@ -223,7 +241,7 @@ def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
     assert set(phases.sentences(said["paper_verdict"])) <= set(notes)
     assert all(run_tables.FITTED in table.note for table in run_tables.budget_tables(*budget.budgets(Config())))
     says("docs/phases.md", run_tables.FITTED)
-    for name in ("README.md", "docs/limits.md", "docs/phases.md"):
+    for name in ("README.md", "docs/limits.md"):
         says(name, "best fit", "of a search over discrete assumptions")
     for path in (*PAGES, *(ROOT / "testbench").rglob("*.py")):
         assert "latency was tuned" not in path.read_text(), path
@@ -255,7 +273,7 @@ def test_the_contradicted_phases_are_those_of_the_judge():
     assert wrong == ["ye1"]
     says("docs/limits.md", f"One of the four is contradicted although fitted, {' and '.join(wrong)}")
     assert all(
-        f"Rests on the fitted values {', '.join(found[node]['rests_on'])}" in table.note
+        f"This depends on the fitted values {', '.join(found[node]['rests_on'])}" in table.note
         for node, table in zip(found, run_tables.budget_tables(*budget.budgets(Config())))
     )
 
@@ -370,29 +388,9 @@ def width(fmt):
 
 def test_register_bits_of_the_wiring():
     total, count = width(fpga.STATE_FMT), len(flatten.names(fpga.State()))
-    says("docs/blocks/top.md", f"Cost: {total} register bits in {count} registers")
+    explains(fpga, f"Cost {total} register bits in {count} registers")
+    says("docs/firmware.md", f"{total} register bits in {count} registers")
     says("docs/architecture.md", f"a record of {count} registers, {total} bits")
-    f = fpga.STATE_FMT
-    groups = (
-        (f.rates,),
-        (f.dds,),
-        (f.drive_sine, f.sense_sine),
-        (f.drive_pipe, f.sense_pipe),
-        (f.references,),
-        (f.drive_modulator, f.sense_modulator),
-        (f.drive_dac, f.sense_dac, f.quadrature_dac),
-        (f.adc,),
-        (f.sid,),
-        (f.watchdog,),
-        (f.registers,),
-        (f.control,),
-    )
-    widths = [sum(map(width, group)) for group in groups]
-    assert sum(widths) == total
-    says("docs/blocks/top.md", f"| {' | '.join(map(str, widths))} |")
-    always = [(name, fmt) for name, fmt in zip(control.State._fields, control.STATE_FMT) if fmt is not None]
-    parts = ", ".join(f"{name} {width(fmt)}" for name, fmt in always)
-    says("docs/blocks/control.md", f"Cost: {width(control.STATE_FMT)} register bits: {parts}.")
 
 
 def test_latencies_from_the_phase_register_to_the_pins():
@@ -401,17 +399,15 @@ def test_latencies_from_the_phase_register_to_the_pins():
     assert (spi_dac.CODE_TICK, spi_dac.LOAD_TICK) == (1, 2)
     parts = (spi_dac.DAC8811, spi_dac.AD5791, spi_dac.DAC82002)
     drive, sense, quadrature = (spi_dac.latch_cycles(p, 26) for p in parts)
-    says(
-        "docs/blocks/top.md",
-        f"From the phase register to the drive DAC's output are {before + drive} clocks: DDS output {dds.LATENCY}, "
-        f"sine {sine.LATENCY}, product and code 2, load 1, frame {drive}.",
-        f"To the sense DAC's output {before + sense}, its frame being {sense}.",
-        f"To a reference pin {to_pin} with the default alignment",
-        f"| drive code at the DAC's output | tick count {spi_dac.LOAD_TICK + drive} of the same tick |",
-        f"| quadrature, sense code at the DAC's output | tick counts {spi_dac.LOAD_TICK + quadrature - 26}, "
-        f"{spi_dac.LOAD_TICK + sense - 26} of the next |",
-        f"slots 1 .. {rates.SLOTS}",
+    explains(
+        fpga,
+        f"from the phase register to the drive DAC's output {before + drive} clocks: DDS output {dds.LATENCY}, "
+        f"sine {sine.LATENCY}, product and code 2, load 1, frame {drive};",
+        f"to the sense DAC's output {before + sense}, its frame being {sense}; to a reference pin {to_pin}",
+        f"{spi_dac.LOAD_TICK + drive} drive code at the DAC's output",
+        f"{spi_dac.LOAD_TICK + quadrature - 26}, {spi_dac.LOAD_TICK + sense - 26} of the next V_q and sense code",
     )
+    says("docs/firmware.md", f"takes {rates.SLOTS} slots")
 
 
 @needs_compiler
@@ -436,9 +432,9 @@ def test_instants_of_a_frame_on_the_page_of_the_architecture():
     assert build.CONVERSION_DELAY_S == 1.5e-6
     says(
         "docs/architecture.md",
-        "the last modulator sample of a conversion falls in tick 123; DRDY falls in tick 124, 1.5 us after it; "
-        f"reading 216 bits takes {spi_adc.read_clocks(DEFAULT) / 26:.1f} us; "
-        f"the slots begin in tick 16 of the next frame and end {rates.SLOTS} clocks later",
+        "the last modulator sample of a conversion falls in tick 123. DRDY falls in tick 124, 1.5 us after it. "
+        f"Reading 216 bits takes {spi_adc.read_clocks(DEFAULT) / 26:.1f} us. "
+        f"The slots begin in tick 16 of the next frame and end {rates.SLOTS} clocks later",
     )
 
 
@@ -477,21 +473,17 @@ def test_slots_of_the_8_khz_work_and_when_words_stand():
     assert words.pop("cordic.magnitude") == rates.SLOT_CORDIC + 25 < rates.SLOT_SEQUENCER
     assert words.pop("sequencer.") == rates.SLOT_SEQUENCER
     agc, dds_word, force, v_q, rate = words.values()
-    says(
-        "docs/blocks/control.md",
-        f"| {rates.SLOT_CORDIC} | CORDIC starts",
-        "its result stands 26 clocks later",
-        f"| {rates.SLOT_SEQUENCER} | sequencer:",
-        f"| {rates.SLOT_LOOPS} | errors:",
-        f"| {rates.SLOT_LOOPS + 1} | the four PIs |",
-        f"| {rates.SLOT_ROOT} | square root",
-        f"| {rates.SLOTS} | the last one |",
-        f"| amplitude (agc) | 10 V / 2^23 | {agc} |",
-        f"| DDS word | 26 MHz / 2^48 | {dds_word} |",
-        f"| force word | 10 V / 2^23 | {force} |",
-        f"| V_q code | 5.5 V / 2^16 | {v_q} |",
-        f"| rate | deg/s / 2^20 | {rate} |",
-        f"Latency: {v_q + 1} clocks, {(v_q + 1) / 26:.1f} us",
+    assert agc == force
+    explains(
+        control,
+        f"{rates.SLOT_CORDIC} cordic: magnitude and phase of (-drive_cos, drive_sin), there 26 clocks later",
+        f"{rates.SLOT_SEQUENCER} sequencer:",
+        f"{rates.SLOT_LOOPS}, {rates.SLOT_LOOPS + 1} errors, then the four PIs: amplitude and force word stand after "
+        f"slot {force}, the DDS word after {dds_word}",
+        f"{rates.SLOT_ROOT} V_q = sqrt(u), its code stands after slot {v_q}; "
+        f"output word of the rate, after slot {rate}",
+        f"{rates.SLOTS} the last slot",
+        f"Latency {v_q + 1} clocks, {(v_q + 1) / 26:.1f} us",
     )
     says("docs/speed.md", f"{rates.SLOTS} of {rates.FRAME_CYCLES} clocks")
 
@@ -501,26 +493,23 @@ def test_slots_of_the_8_khz_work_and_when_words_stand():
 
 def test_lsbs_on_the_page_of_the_dacs():
     p = build.params(Config(), 25.0, 25.0).plant
-    says("docs/parts/dac.md", f"| LSB | {p.drive_dac.lsb_v * 1e6:.1f} uV | {p.sense_dac.lsb_v * 1e6:.2f} uV |")
+    drive, sense = p.drive_dac.lsb_v * 1e6, p.sense_dac.lsb_v * 1e6
+    says("analog_frontend/parts/dac.py", f"LSB {drive:.1f} uV (drive, 16 bits) and {sense:.2f} uV (sense, 20 bits)")
     d = device.Device()
-    for name in ("drive", "sense"):
-        poles = ", ".join(f"{getattr(d, f'{name}_pole_{n}_s') * 1e9:g}" for n in (1, 2, 3))
-        says("docs/parts/dac.md", f"{poles} ns")
-    says("docs/parts/dac.md", f"| {d.drive_dac_delay_s:g} | {d.sense_dac_delay_s * 1e9:g} ns |")
+    assert [[getattr(d, f"{name}_pole_{n}_s") for n in (1, 2, 3)] for name in ("drive", "sense")] == [
+        [100e-9, 40e-9, 40e-9],
+        [68e-9, 16e-9, 40e-9],
+    ]
+    assert (d.drive_dac_delay_s, d.sense_dac_delay_s) == (0.0, 130e-9)
 
 
-def test_sizes_on_the_page_of_the_plant():
+def test_sizes_of_the_plant():
     s = plant.reset(build.params(Config(), 25.0, 25.0).plant, 0, 0, 25.0)
     assert (s.z.size, s.caps.shape) == (16, (sid.DEMODULATORS, sid.CAPACITORS))
     chains, forced, modes = 2 * (3 * 3 + 6), 14 * 16, 4 * 4 + 4 * 12
     products = chains + forced + modes + 2 * 6 + 2 * 3 * 3
+    assert products == 348
     assert products <= s.g.size
-    says(
-        "docs/parts/top.md",
-        f"Cost: {products} products for the linear step",
-        "| z (16) |",
-        "| caps (4, 6), switch (4) |",
-    )
 
 
 def test_error_of_the_cubic_edges_in_the_decision():

@@ -1,6 +1,6 @@
 """Baseband against the frame engine: start-up, rate steps, a temperature ramp, phase words at reset, partly, fully set.
 
-    python -m tests.testbench.engines.baseband_accuracy [case ..]     prints the table of docs/parts/averaged.md
+    python -m tests.testbench.engines.baseband_accuracy [case ..]     prints the tables of accuracy
         --not-retimed     with references that leave at any clock
         --board=FILE      a board of docs/boards in place of the default gyroscope
         --anew            the baseband engine anew every half second
@@ -16,7 +16,7 @@ Both from lock only:
             model's own sensitivity makes more of it
     twins   TWINS runs of either engine, the drive motion turned at the start by angles that no measurement sees, all
             compared with each other: what that sensitivity makes of nothing
-Source    docs/parts/averaged.md
+Source    docs/plant.md
 """
 
 import cmath

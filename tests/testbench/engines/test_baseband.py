@@ -436,7 +436,7 @@ def test_a_rate_that_is_too_high_is_refused(locked, rate_dps):
 def test_far_off_resonance_is_refused():
     sim = open_loop(configured(), 11_002.3 + 200.0)
     sim.engine = "baseband"
-    with pytest.raises(ConfigError, match=r"frequency_word: \+200.* Hz .*150 Hz.*can run it"):
+    with pytest.raises(ConfigError, match=r"frequency_word: \+200.* Hz .*150 Hz.*use scenario"):
         sim.advance(TICK_HZ // 4, 0.0, TEMP_DEGC)
 
 

@@ -435,7 +435,7 @@ def test_what_is_refused_cannot_work_and_what_can_is_not_refused(count):
         ({"design.coefficient_fraction_bits": 10}, "agc: ki = 0.0004522 is 100 % off in 10 fraction bits"),
         (
             {"design.accumulator_fraction_bits": 10},
-            "agc: ki = 0.0004522, so an error of 1 LSB is lost in 10",
+            "agc: ki = 0.0004522 rounds an error of 1 LSB to zero in 10",
         ),
         (
             {"design.accumulator_fraction_bits": 18, "design.dds_bits": 36},

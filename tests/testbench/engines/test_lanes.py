@@ -139,7 +139,7 @@ def test_a_board_whose_ring_saturates_is_refused():
 
 def test_boards_of_two_designs_are_refused():
     boards = [config.load(BOARDS / f"{name}.toml") for name in ("paper", "low_cost")]
-    with pytest.raises(ConfigError, match=r"side by side need the same \[design\]"):
+    with pytest.raises(ConfigError, match=r"all gyroscopes of a group need the same \[design\]"):
         lanes.Engine([build.params(board, 25.0, 25.0) for board in boards])
 
 

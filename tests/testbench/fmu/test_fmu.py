@@ -324,17 +324,17 @@ def test_sanitizers_find_nothing(written, tmp_path):
     [
         (
             {"effects.duffing_k3_per_um2": 1e-7},
-            r"effects.duffing_k3_per_um2 = 1e-07: the FMU of the plant has no effect but acceleration",
+            r"effects.duffing_k3_per_um2 = 1e-07: the FMU of the plant supports no effect except acceleration",
         ),
         (
             {"effects.laws": ["force_x = -1e6 x^3"]},
-            r"effects.laws = .*: the FMU of the plant has no effect but acceleration",
+            r"effects.laws = .*: the FMU of the plant supports no effect except acceleration",
         ),
-        ({"plant.drive_dac_bow": 1e-4}, "plant.drive_dac_bow = 0.0001: the FMU of the plant does not cover it"),
-        ({"plant.self_heating_k": 2.0}, "plant.self_heating_k = 2: the FMU of the plant does not cover it"),
+        ({"plant.drive_dac_bow": 1e-4}, "plant.drive_dac_bow = 0.0001: the FMU of the plant supports only 0"),
+        ({"plant.self_heating_k": 2.0}, "plant.self_heating_k = 2: the FMU of the plant supports only 0"),
         ({"scenario.host": "spi"}, 'scenario.host = "spi": the FMU of the firmware is written on the bank'),
         ({"firmware.board": "digital_sid"}, 'firmware.board = "digital_sid": the FMU of the plant has the analog SID'),
-        ({"scenario.faults": [[0.1, "adc_silent", "adc", 0, 1.0]]}, "scenario.faults: the FMUs have no faults"),
+        ({"scenario.faults": [[0.1, "adc_silent", "adc", 0, 1.0]]}, "scenario.faults: the FMUs simulate no faults"),
     ],
 )
 def test_what_the_plant_does_not_cover_is_refused_by_name(changes, message):

@@ -1,7 +1,8 @@
 """Detection score of the loop at pins: python -m tests.testbench.golden.loop_score [COUNT]
 
 Plants faults in the reference RTL, closes the loop of the quick gyroscope around each, and compares the pins with the
-model's until the first difference or the end: lock, rates, a silent ADC. Writes testbench/golden/loop/detection.json.
+model's until the first difference or the end: lock, rates, a silent ADC. Writes testbench/golden/loop/detection.json,
+and the table of docs/rtl.md in docs/results/loop_detection.json.
 """
 
 import json
@@ -18,6 +19,7 @@ from testbench.golden.recording import make_recordings
 from tests.testbench.golden import loop_faults, pin_tops
 
 COUNT, SEED, FRAMES = 100, 7725, 900
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "results" / "loop_detection.json"
 
 
 def scenario():
@@ -62,6 +64,9 @@ def main(given):
     with tempfile.TemporaryDirectory(prefix="gyro-score-") as folder:
         found = score(int(given[0]) if given else COUNT, SEED, Path(folder))
     judgement.DETECTION.write_text(json.dumps(found, indent=1) + "\n")
+    page = json.loads(PAGE.read_text())
+    page["tables"][0]["rows"] = [[kind, str(count), str(seen)] for kind, (count, seen) in found["kinds"].items()]
+    PAGE.write_text(json.dumps(page, indent=1) + "\n")
     print(f"{found['seen']} of {found['faults']} seen, {time.process_time() - began:.0f} s of CPU")
 
 

@@ -137,9 +137,9 @@ def test_a_missing_or_damaged_manifest_is_refused(folder):
     path = folder / bundle.MANIFEST
     whole = path.read_text()
     path.write_text(whole[: len(whole) // 2])
-    refused(folder, "is no JSON that can be read")
+    refused(folder, "is not a readable JSON")
     path.write_text("[" * 100_000)
-    refused(folder, "is no JSON that can be read")
+    refused(folder, "is not a readable JSON")
     path.write_text("[]")
     refused(folder, "should be a valid dictionary")
     path.unlink()
@@ -160,14 +160,14 @@ def test_an_edited_manifest_is_refused(folder):
 @pytest.mark.parametrize("name", ["../outside.hex", "/etc/hostname", "a/../../b", "..", "c:\\x", ""])
 def test_a_path_that_leaves_the_folder_is_refused(folder, name):
     forge(folder, lambda data: data["sha256"].update({name: "0" * 64}))
-    refused(folder, "leaves the bundle")
+    refused(folder, "is outside the bundle")
 
 
 def test_a_link_that_leaves_the_folder_is_refused(folder):
     (folder.parent / "outside").write_text("x")
     (folder / "link").symlink_to(folder.parent / "outside")
     forge(folder, lambda data: data["sha256"].update({"link": "0" * 64}))
-    refused(folder, "link is a link that leaves")
+    refused(folder, "link is a link to a place outside")
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_links_in_a_circle_are_refused(folder):
     (folder / "a").symlink_to("b")
     (folder / "b").symlink_to("a")
     forge(folder, lambda data: data["sha256"].update({"a": "0" * 64}))
-    refused(folder, "'a' in manifest.json is none: Symlink loop")
+    refused(folder, "'a' in manifest.json is not valid: Symlink loop")
 
 
 def test_a_file_that_is_not_of_the_bundle_is_refused_by_verify_and_left_alone_by_read(folder):
@@ -198,11 +198,11 @@ def test_a_file_that_is_not_of_the_bundle_is_refused_by_verify_and_left_alone_by
     for name in ("json.py", "ports/y.hex", ".hidden"):
         (folder / name).write_text("x")
         bundle.read(folder)
-        with pytest.raises(FileError, match=f"{name}: is not of this bundle: move it, or keep it in build/"):
+        with pytest.raises(FileError, match=f"{name}: is not a file of this bundle; move it elsewhere or into build/"):
             bundle.verify(folder)
         (folder / name).unlink()
     (folder / "link").symlink_to(folder.parent)
-    with pytest.raises(FileError, match="link: is not of this bundle"):
+    with pytest.raises(FileError, match="link: is not a file of this bundle"):
         bundle.verify(folder)
 
 

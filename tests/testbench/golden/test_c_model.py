@@ -199,8 +199,8 @@ def of_two_kinds(x):
     [
         (with_a_loop, "while x > 0:"),
         (with_a_division, "x // 3"),
-        (of_one_way, "y is first assigned in one way of an if"),
-        (of_two_kinds, "returns of two kinds"),
+        (of_one_way, "y is first assigned in only one branch of an if"),
+        (of_two_kinds, "its results have two kinds"),
     ],
 )
 def test_what_no_kernel_uses_is_refused_by_name(function, message):
@@ -244,7 +244,7 @@ def test_the_command_writes_model_and_bundles(tmp_path):
 def test_a_file_that_is_not_of_the_model_is_refused(tmp_path):
     (tmp_path / "model").mkdir()
     (tmp_path / "model" / "mine.c").write_text("")
-    with pytest.raises(ConfigError, match=r"mine\.c is not of this model: make would compile it; move it"):
+    with pytest.raises(ConfigError, match=r"mine\.c is not part of this model, but make would compile it; move it"):
         export_c.export(tmp_path)
 
 
@@ -378,8 +378,7 @@ def test_the_numbers_of_a_small_processor_are_those_of_the_page(model):
         done = checked(model, "-f", f"shift_{shift}.mk", "instructions", qemu)
         counts[shift] = int(re.fullmatch(r"(\d+) instructions per frame\n\d+ .* per clock\n", done.stdout)[1])
     assert counts[1] == pytest.approx(counts[0], rel=1e-3)
-    page = PAGE.read_text()
-    rows = re.search(r"<!-- embedded.*?<!-- end -->", page, re.S)[0]
+    rows = PAGE.read_text().partition("## On a small processor")[2].partition("## From Python")[0]
     text, data, bss, instructions = (int(n) for n in re.findall(r"\| (\d+)(?: bytes)? \|", rows))
     assert (data, bss) == (sizes["data"], sizes["bss"])
     assert sizes["text"] == pytest.approx(text, rel=0.5)

@@ -107,7 +107,7 @@ def test_a_wrong_stimulus_is_said_before_any_register_is_blamed():
     report = compare(manifest, inputs, expected, {"sine": wrong, **got})
     assert report.divergence.is_input
     assert report.diagnosis == ()
-    assert "not given the golden stimulus" in report.text()
+    assert "was not given the golden stimulus" in report.text()
 
 
 def test_an_unknown_value_is_a_divergence_unless_masked():

@@ -419,7 +419,7 @@ def test_the_page_states_what_is_exported_of_a_board():
 EDITS = [
     ({"dds_bits": 99}, r"design: dds_bits: Input should be less than or equal to 48"),
     ({"dds_bits": "32"}, r"design: .*'dds_bits': '32'"),
-    ({"dds_bits": 24, "sine_address_bits": 12, "sine_fraction_bits": 12}, r"dds_bits = 24 do not hold quadrant"),
+    ({"dds_bits": 24, "sine_address_bits": 12, "sine_fraction_bits": 12}, r"dds_bits = 24 is too few for quadrant"),
     ({"sine_bits": 10, "sine_address_bits": 10}, r"sine_bits = 10 is not above sine_address_bits"),
     ({"more": 1}, r"design: has the keys master_hz, .*, more, not master_hz"),
     ({"tick_clocks": 25}, r"clock|exp\.hex: row|design_params"),
@@ -440,7 +440,7 @@ def test_a_manifest_with_another_design_is_refused(values, said, low_cost, tmp_p
     ("given", "said"),
     [
         ([{"name": "DDS_BITS", "value": "32);"}], "design_params: 0.value: Input should be a valid integer"),
-        ([{"name": "DDS BITS", "value": 32}], "'DDS BITS' is no name of a port, a parameter or a block"),
+        ([{"name": "DDS BITS", "value": 32}], "'DDS BITS' is not a valid name of a port, a parameter or a block"),
         ("DDS_BITS", "design_params: content: Input should be a valid list"),
     ],
 )

@@ -147,7 +147,7 @@ def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
     path = tmp_path / "late.toml"
     for text, level, said in (
         ("drive_sine = 1", "registers", "level registers every register has its own"),
-        ("phase = 1", "outputs", "level outputs judges no port phase; it judges r_drive_sine"),
+        ("phase = 1", "outputs", "level outputs compares no port phase; it compares r_drive_sine"),
         ("drive_sine = -1", "outputs", r"drive_sine: -1 is not 0 \.\. 4096 clocks"),
     ):
         path.write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{text}\n')
@@ -168,9 +168,9 @@ def test_a_latency_file_without_a_table_is_one_line(tmp_path):
         (
             "spi_adc",
             "sclk = 1",
-            r"sclk: inputs drdy_n and dout answer it, so recorded rows would come 1 ",
+            r"sclk: inputs drdy_n and dout respond to it, so recorded rows would come 1 ",
         ),
-        ("spi_dac", "sdin = 1", "one chip reads these pins together, with equal clocks: sclk_en 0, sdin 1, sync_n 0"),
+        ("spi_dac", "sdin = 1", "one chip reads these pins together, so their clocks must be equal: sclk_en 0, sdin 1, sync_n 0"),
     ],
 )
 def test_a_latency_that_no_recorded_row_can_judge_is_refused(tmp_path, block, text, said):
@@ -300,7 +300,7 @@ MAP = (DESIGNS / "loop_filter" / "map.toml").read_text()
 BAD_MAPS = {
     "unknown port": ("y = ", "yy = ", r"\[outputs\]: pi has no yy; did you mean y\?"),
     "unknown input": ("en = ", "enn = ", r"\[inputs\]: pi has no enn; did you mean en\?"),
-    "map to nothing": ('y = "act_o"', 'y = ""', r'"" maps to nothing; level outputs judges this port'),
+    "map to nothing": ('y = "act_o"', 'y = ""', r'"" leaves this port out, but level outputs compares it'),
     "two drivers": (
         "ctl_i[38]", "ctl_i[37]", r"port ctl_i of the design has two drivers: \[inputs\] en and \[inputs\] mode",
     ),
@@ -335,8 +335,8 @@ BAD_RUNS = {
     ),
     "stays in reset": ("active = 1", "active = 0", "never leaves reset"),
     "no such module": ('"loop_filter"', '"loop_fitler"', "no module or entity loop_fitler: --top, or top"),
-    "no such parameter": ('"KI"', '"KII"', r"parameter KII is missing: \[parameters\] of a map"),
-    "no such reset": ("arst_i", "arst", 'port arst is missing; .* a design without a reset has style = "none"'),
+    "no such parameter": ('"KI"', '"KII"', r"parameter KII is missing; .* in \[parameters\] of a map"),
+    "no such reset": ("arst_i", "arst", 'port arst is missing; .* for a design without a reset set style = "none"'),
 }  # fmt: skip
 
 
@@ -391,8 +391,8 @@ def test_a_list_names_files_folders_macros_and_libraries(tmp_path):
     (tmp_path / "e.vhd").write_text("")
     (tmp_path / "x.f").write_text("-work one e.vhd\n")
     assert rtl_sources.read_source_list(tmp_path / "x.f").libraries == ("one",)
-    for text, said in (("no.v", "line 1: no file"), ("-y lib", "line 1: -y is none of"), ("+incdir+no", "no folder"),
-                       ("-f x.f", "the list names itself"), ("", "names no source file"), ("-work", "needs a value"),
+    for text, said in (("no.v", "line 1: no file"), ("-y lib", "line 1: -y is not one of"), ("+incdir+no", "no folder"),
+                       ("-f x.f", "the list includes itself"), ("", "names no source file"), ("-work", "needs a value"),
                        ("a.sv e.vhd", "Verilog and VHDL in one list")):  # fmt: skip
         (tmp_path / "x.f").write_text(text)
         with pytest.raises(FileError, match=said):
@@ -414,9 +414,9 @@ LISTS = {
     [
         ("no.v", "FILES: no file {rtl}/no.v"),
         ("no.f", "no list {rtl}/no.f"),
-        ("bad.f", "{rtl}/bad.f: -y is none of +incdir+, +define+, -I, -D, -work, -f"),
-        ("own.f", "{rtl}/own.f: the list names itself"),
-        ("a.f", "{rtl}/./deep/../a.f: the list names itself"),
+        ("bad.f", "{rtl}/bad.f: -y is not one of +incdir+, +define+, -I, -D, -work, -f"),
+        ("own.f", "{rtl}/own.f: the list includes itself"),
+        ("a.f", "{rtl}/./deep/../a.f: the list includes itself"),
         ("work.f", "{rtl}/work.f: -work needs a value"),
         ("empty.f", "FILES: empty.f names no source file"),
         ("deep", "FILES: no file {rtl}/deep"),
@@ -489,7 +489,7 @@ def test_the_command_prints_the_one_format(bundles, tmp_path):
     done = CliRunner().invoke(cli.app, [*words, "--json"])
     tree = json.loads(done.stdout)
     assert (done.exit_code, tree["passed"], tree["first"], tree["diagnosis"]) == (0, True, None, [])
-    part = PAGE.read_text().partition("## Result")[2].partition("## Refused")[0]
+    part = PAGE.read_text().partition("## Result")[2].partition("## Limits")[0]
     assert set(re.findall(r"^\| `(\w+)`", part, re.M)) <= tree.keys()
     nco = ["wrap", str(bundles("dds") / "default"), "--map", str(DESIGNS / "nco" / "map.toml")]
     wrapped = CliRunner().invoke(cli.app, [*nco, "--out", str(tmp_path / "w")])

@@ -359,11 +359,11 @@ def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
         with pytest.raises(FileError, match=said) as problem:
             formal.prove("dds", "default", tmp_path)
         assert len(str(problem.value).splitlines()) == 1
-    with pytest.raises(ConfigError, match="no property of sequencer speaks of ports at level outputs alone"):
+    with pytest.raises(ConfigError, match="no property of sequencer uses only ports of level outputs"):
         formal.prove("sequencer", "quick", RTL, choice=Choice(level="outputs"))
     own = (DAC / "map.toml").read_text()
     (tmp_path / "map.toml").write_text(own.replace('"async"', '"none"'))
-    with pytest.raises(ConfigError, match="an induction begins with a reset"):
+    with pytest.raises(ConfigError, match="the induction begins with a reset"):
         formal.prove("spi_dac", "ad5791", DAC, choice=Choice(level="pins", map=tmp_path / "map.toml"))
     monkeypatch.setattr(formal.shutil, "which", lambda name: None)
     with pytest.raises(ConfigError, match="yosys: not installed"):
@@ -419,7 +419,7 @@ def test_each_property_is_proven_by_what_reaches_it(tmp_path, monkeypatch):
     assert (proof.proven, proof.invariant) == (True, (WORD,)), proof.text()
     monkeypatch.setattr(formal, "INVARIANT", "read_aiger proof.aig")
     proof = formal.prove("spi_dac", "ad5791", DAC, choice=choice)
-    assert proof.why == "no failure within 12 clocks, and no proof of frame_is_the_word; the rest is proven"
+    assert proof.why == "no failure within 12 clocks, and no proof of frame_is_the_word; all others are proven"
 
 
 def test_the_command_says_what_is_proven(tmp_path):

@@ -221,7 +221,7 @@ def test_a_negative_integer_and_a_slice_of_it(dumps):
     [
         ("tb.first.level", bits(64), "signal tb.first.level is not bits"),
         ("tb.first.span", bits(64), "is not bits"),
-        ("tb.word", bits(3), r"no signal tb\.word; there is tb\.copies\(0\)\.inner\.word"),
+        ("tb.word", bits(3), r"no signal tb\.word; similar: tb\.copies\(0\)\.inner\.word"),
         ("tb.first.word", bits(4), "3 bits in the dump, 4 in the manifest"),
         ("tb.first.mode", Fmt(0, 3, 0), "2 bits in the dump"),
     ],

@@ -232,7 +232,7 @@ def test_the_difference_says_what_stood_before():
     assert (found.tick, found.clock) == (2, 5)
     lines = found.text().splitlines()
     assert lines[0] == "tick 2, clock 5 (2.192 us): dds.drive_sine: expected 9, got -9"
-    assert lines[-2:] == ["  and 2 more", "  dds.drive_sine in the model, up to here: 7, 8, 9"]
+    assert lines[-2:] == ["  and 2 more", "  dds.drive_sine in the model, clock by clock up to this one: 7, 8, 9"]
     assert found.to_dict()["differs"][0] == {"register": "dds.drive_sine", "expected": 9, "got": -9}
 
 
@@ -245,7 +245,7 @@ def test_after_reset_the_design_holds_the_reset_values(quick):
 
 
 def test_bad_input_is_one_clear_error(tmp_path, monkeypatch):
-    with pytest.raises(FileError, match=r"top\.v: no design: gyro_top is looked for there"):
+    with pytest.raises(FileError, match=r"top\.v: no design: this file must hold the module gyro_top"):
         library.sources(tmp_path)
     shutil.copytree(RTL, tmp_path / "rtl")
     path = tmp_path / "rtl" / "top.v"

@@ -159,8 +159,8 @@ def test_the_detection_score_on_the_page_and_in_a_verdict():
     assert all(seen == count - missed[kind] for kind, (count, seen) in found["kinds"].items())
     assert found["seen"] == len(faults) - len(unseen)
     page = (RTL.parents[1] / "docs" / "rtl.md").read_text()
-    for kind, (count, seen) in found["kinds"].items():
-        assert f"| {kind} | {count} | {seen} |" in page
+    (table,) = json.loads((RTL.parents[1] / "docs" / "results" / "loop_detection.json").read_text())["tables"]
+    assert table["rows"] == [[kind, str(count), str(seen)] for kind, (count, seen) in found["kinds"].items()]
     assert f"saw {found['seen']} of {found['faults']} planted faults" in " ".join(page.split())
     assert f"{min(planted, key=lambda k: found['kinds'][k][1] / planted[k])} " in judgement.pass_caveat()
 
@@ -180,7 +180,7 @@ def test_ports_that_do_not_fit_are_named():
         library.check_ports(FACE, {k: v for k, v in DECLARED.items() if k != "o_refs"}, "mine")
     with pytest.raises(FileError, match="port o_refs: is an output of 5 bits, not an output of 4"):
         library.check_ports(FACE, DECLARED | {"o_refs": ("OUT", 5)}, "mine")
-    with pytest.raises(FileError, match="input enable is no pin of the board"):
+    with pytest.raises(FileError, match="input enable is not a pin of the board"):
         library.check_ports(FACE, DECLARED | {"enable": ("IN", 1)}, "mine")
 
 
@@ -327,9 +327,9 @@ def test_a_top_in_vhdl_is_what_the_loop_runs(tmp_path):
 def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
     columns = design_bundle.build_top_block({}).pins
     rtl = vhdl_player(tmp_path / "rtl", [1, 2], columns)
-    with pytest.raises(FileError, match=r"Player: GHDL writes names in lower case: call the top player"):
+    with pytest.raises(FileError, match=r"Player: GHDL writes names in lower case; rename the top to player"):
         library.user_sources(rtl, "Player", rtl / "player.f", tmp_path)
-    with pytest.raises(FileError, match=r"of VHDL a list \(--files\) says the order"):
+    with pytest.raises(FileError, match=r"for VHDL list the files in order"):
         library.user_sources(rtl, "player")
     (rtl / "player.f").write_text("player.vhd\n")
     with pytest.raises(FileError, match=r"player\.f: ghdl failed with 1"):
@@ -348,7 +348,7 @@ def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
 
 
 def test_bad_input_is_one_clear_error(tmp_path):
-    with pytest.raises(FileError, match=r"no design: mine is looked for"):
+    with pytest.raises(FileError, match=r"no design: mine is expected"):
         library.user_sources(tmp_path, "mine")
     with pytest.raises(FileError, match=r"absent\.f"):
         library.user_sources(tmp_path, "mine", tmp_path / "absent.f")

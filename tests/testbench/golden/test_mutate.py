@@ -261,7 +261,7 @@ def test_a_block_of_the_reference_design_has_every_fault_judged(tmp_path):
 
 def test_files_that_are_no_netlist_are_refused(tmp_path):
     path = tmp_path / "x.aag"
-    for text, said in (("aig 1 1 0 0 0\n", "no AIGER text"), ("aag 3 1 0 1 1\n2\n6\n6 2 2\n", "not in order")):
+    for text, said in (("aig 1 1 0 0 0\n", "not an AIGER text"), ("aag 3 1 0 1 1\n2\n6\n6 2 2\n", "not in order")):
         path.write_text(text)
         with pytest.raises(FileError, match=said):
             aig.read(path)

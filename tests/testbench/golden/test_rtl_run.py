@@ -119,18 +119,18 @@ BROKEN = {
     "width in VHDL": (
         "ghdl", "vhd",
         ("r_y    : out std_logic_vector(35 downto 0)", "r_y    : out std_logic_vector(36 downto 0)"),
-        "port r_y is not of the 36 bits of the bundle",
+        "port r_y does not have the 36 bits of the bundle",
     ),
     "input left open": ("icarus", "v", ("rst,     // synchronous, active high", "rst, more,"), "input more"),
     "parameter missing": ("icarus", "v", ("34'sd0,  // [1,9,24]\n    parameter signed [33:0] ki",
                                           "34'sd0,\n    parameter signed [33:0] kj"), "parameter ki is missing"),
     "reset of the other polarity": (
-        "icarus", "v", ("if (rst)", "if (!rst)"), "the reset is of the other polarity; active = 0 in [reset] of a map",
+        "icarus", "v", ("if (rst)", "if (!rst)"), "the reset has the other polarity; set active = 0 in [reset] of a map",
     ),
     "parameter missing in VHDL": ("ghdl", "vhd", ("kp", "kq"), "parameter kp is missing"),
     "parameter without a value in VHDL": (
         "ghdl", "vhd", ("        kp : std", "        most : natural;\n        kp : std"),
-        "parameter most is not in the bundle: [constants] of a map gives it a value",
+        "parameter most is not in the bundle; give it a value in [constants] of a map",
     ),
     "an input as an output": (
         "icarus", "v", ("input  wire signed                           [25:0] e,", "output wire signed [25:0] e,"),
@@ -142,12 +142,12 @@ BROKEN = {
     "an output as an input": (
         "icarus", "v", ("output reg  signed                           [35:0] r_y      // [1,35,0]\n);",
                         "input wire signed [35:0] r_y);\n    reg signed [35:0] mine;"),
-        "port r_y is driven by nothing: the design has an input of this name, or does not assign it",
+        "port r_y has no driver: the design declares it as an input, or does not assign it",
     ),
     "an output as an input in VHDL": (
         "ghdl", "vhd", ("r_y    : out std_logic_vector(35 downto 0)       -- [1,35,0]",
                         "r_y    : in std_logic_vector(35 downto 0); mine : out std_logic_vector(35 downto 0)"),
-        "port r_y is driven by nothing: the design has an input of this name, or does not assign it",
+        "port r_y has no driver: the design declares it as an input, or does not assign it",
     ),
     "never starts": ("icarus", "v", ("if (rst)", "if (1'b1)"), "never leaves reset, has no clock or never starts"),
     "ends early": ("icarus", "v", ("endmodule", "initial #1000000 $finish;\nendmodule"), "ended after 24 of 4297 rows"),
@@ -242,7 +242,7 @@ def test_the_whole_design_is_sent_to_its_own_bench(out, monkeypatch):
     golden = bundle.read(out / "dds" / "default")
     top = golden._replace(manifest={**golden.manifest, "block": "top"})
     monkeypatch.setattr(bundle, "read", lambda folder: top)
-    with pytest.raises(FileError, match="golden/top/story: top is run by top_run"):
+    with pytest.raises(FileError, match="golden/top/story: bundle of the whole design; use top_run"):
         rtl_run.check("golden/top/story", RTL)
     with pytest.raises(FileError, match="its own bench"):
         compare.compare_bundle(top, {"phase": [0]})

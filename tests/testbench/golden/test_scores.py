@@ -13,11 +13,11 @@ from testbench.golden.mutation import mutate, mutate_top
 from testbench.golden.recording import recording
 from testbench.golden.stimulus import blocks
 from tests.testbench.golden.benching import but_counting
-from tests.testbench.golden.test_synthesis import part
 from tests.testbench.rtl.test_rtl import RTL
 
 sys.path.append(str(Path(__file__).resolve().parents[3] / "docs"))
 
+import pages
 import rtl_page
 
 MEASURE = "python -m testbench.golden.rtl_verification mutation --only BLOCK; python docs/rtl_page.py scores"
@@ -70,16 +70,14 @@ def test_comments_and_spaces_are_no_part_of_a_design(tmp_path):
 
 def test_the_page_holds_what_was_measured():
     found = scores.stored_scores()
-    assert part("mutation") == rtl_page.scores_table(found["mutation"])
-    assert part("times") == rtl_page.times(found["times"])
+    assert pages.part("rtl_mutation") == rtl_page.scores_table(found["mutation"])
+    assert pages.part("rtl_times") == rtl_page.times(found["times"])
 
 
 def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
-    kept, page, before = tmp_path / "scores.json", tmp_path / "rtl.md", scores.stored_scores()["times"]
+    kept, before = tmp_path / "scores.json", scores.stored_scores()["times"]
     shutil.copy(scores.FILE, kept)
-    shutil.copy(rtl_page.PAGE, page)
     monkeypatch.setattr(scores, "FILE", kept)
-    monkeypatch.setattr(rtl_page, "PAGE", page)
     assert rtl_page.main(["scores", str(tmp_path)]) == 2
     assert "run make rtl first" in capsys.readouterr().err
     (tmp_path / "golden").mkdir()
@@ -88,5 +86,4 @@ def test_what_was_left_is_taken_over(tmp_path, monkeypatch, capsys):
     assert rtl_page.main(["scores", str(tmp_path)]) == 0
     assert json.loads(kept.read_text())["times"] == before | times
     assert json.loads(kept.read_text())["mutation"] == list(ENTRIES.values())
-    assert rtl_page.times(scores.stored_scores()["times"]) in page.read_text()
-    assert "| loop | passed | 1 | 2 |" in page.read_text()
+    assert "| loop | passed | 1 | 2 |" in pages.part("rtl_times")

@@ -93,6 +93,6 @@ def test_a_misspelt_signal_names_the_nearest(bundles, tmp_path):
     (tmp_path / "m.toml").write_text(
         'schema = "gyro-map/1.0"\n[clock]\nsignal = "dds.clk_26m"\n[ports]\nphase = "dds.reg.phaze"\n'
     )
-    with pytest.raises(FileError, match=r"no signal dds\.reg\.phaze; there is dds\.reg\.phase"):
+    with pytest.raises(FileError, match=r"no signal dds\.reg\.phaze; similar: dds\.reg\.phase"):
         waves.check(folder, folder / "golden.vcd", tmp_path / "m.toml")
     assert bundle.verify(folder, strict=False)["block"] == "dds"

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from fpga_model.rates import MASTER_HZ
 from testbench.commands.main import app
 from testbench.config import Config
+from testbench.console.results import read_results
 from testbench.errors import ConfigError, FileError
 from testbench.golden.proofs import synthesis
 from testbench.golden.recording import board_recording
@@ -25,11 +26,6 @@ import rtl_page
 
 QUARTUS = RTL / "quartus"
 tclsh = tool("tclsh")
-
-
-def part(name):
-    page = rtl_page.PAGE.read_text()
-    return page.split(f"<!-- {name}: ", 1)[1].split("-->\n", 1)[1].split("<!-- end -->", 1)[0].strip()
 
 
 @yosys
@@ -79,11 +75,11 @@ def test_the_table_counts_cells_of_each_family():
         synthesis.Netlist("ecp5", "analog", {"LUT4": 7, "LUT4X": 9, "TRELLIS_FF": 3}, "Yosys 0.23 (git)", 1.0),
         synthesis.Netlist("ice40", "analog", {"SB_DFF": 2, "SB_DFFER": 3, "SB_LUT4": 1}, "Yosys 0.23 (git)", 1.0),
     ]
-    lines = rtl_page.netlists_table(netlists).splitlines()
-    assert lines[0] == "| proxy | ecp5, analog SID | ice40, analog SID |"
-    assert "| 4-input tables | 7 | 1 |" in lines
-    assert "| flip-flops | 3 | 5 |" in lines
-    assert lines[-1] == "Yosys 0.23; parameters of the default configuration; not placed, not routed."
+    table = rtl_page.netlists_table(netlists)
+    assert table.heads == ("proxy", "ecp5, analog SID", "ice40, analog SID")
+    assert ("4-input tables", "7", "1") in table.rows
+    assert ("flip-flops", "3", "5") in table.rows
+    assert table.note == "Yosys 0.23; parameters of the default configuration; not placed, not routed."
 
 
 @pytest.mark.slow
@@ -149,6 +145,7 @@ def test_the_constraints_cover_every_port(tmp_path):
 @pytest.mark.slow
 def test_the_page_holds_what_a_synthesis_gives():
     netlists = [synthesis.synthesise(RTL, family) for family in synthesis.MAPPERS]
-    if netlists[0].yosys.split()[1] not in part("resources"):
+    _, (stored,) = read_results(rtl_page.RESOURCES)
+    if netlists[0].yosys.split()[1] not in stored.note:
         pytest.skip(f"the table is of another yosys than {netlists[0].yosys}")
-    assert rtl_page.netlists_table(netlists) == part("resources")
+    assert rtl_page.netlists_table(netlists) == stored

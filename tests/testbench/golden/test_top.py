@@ -245,7 +245,7 @@ def test_clocks_that_do_not_rise_or_leave_the_case_are_refused(copy, name):
     for wrong in ([*lines[1::-1], *lines[2:]], [*lines[:-1], last]):
         path.write_text("\n".join(wrong) + "\n")
         reseal(copy)
-        with pytest.raises(FileError, match=rf"the clocks do not rise within 0 \.\. {END - 1}$"):
+        with pytest.raises(FileError, match=rf"the clocks do not strictly increase within 0 \.\. {END - 1}$"):
             bundle.read(copy)
 
 

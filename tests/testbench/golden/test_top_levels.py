@@ -257,17 +257,17 @@ def test_a_difference_leaves_waveform_bundle_and_diagnosis(out, tmp_path):
 
 def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
     for ports, said in (
-        ("adc_sclk = 1", "inputs drdy_n and dout answer it, so recorded rows would come 1 clocks too early"),
-        ("drive_sdin = 1", "one chip reads these pins together, with equal clocks"),
-        ("r_dds_phase = 1", "level pins judges no port r_dds_phase"),
+        ("adc_sclk = 1", "inputs drdy_n and dout respond to it, so recorded rows would come 1 clocks too early"),
+        ("drive_sdin = 1", "one chip reads these pins together, so their clocks must be equal"),
+        ("r_dds_phase = 1", "level pins compares no port r_dds_phase"),
         ("refs = -1", r"refs: -1 is not 0 \.\. 4096 clocks"),
     ):
         (tmp_path / "late.toml").write_text(f'schema = "gyro-latency/1.0"\n[ports]\n{ports}\n')
         with pytest.raises(FileError, match=said):
             adapted_bundle.write_pin_bundle(out, "pins", tmp_path / "new", latency=tmp_path / "late.toml")
-    with pytest.raises(FileError, match="latency is of level pins or outputs"):
+    with pytest.raises(FileError, match="latencies are for level pins or outputs"):
         top_run.check(out, RTL, choice=design_run.Choice(latency=tmp_path / "late.toml"))
-    with pytest.raises(ConfigError, match="--map, --top: the whole design has names of its own at --level pins"):
+    with pytest.raises(ConfigError, match="--map, --top: the whole design may have other port names at --level pins only"):
         top_run.check(out, RTL, choice=design_run.Choice(top="mine"))
     with pytest.raises(ConfigError, match="--top: top: gyro_top is the name of the wrapper"):
         top_run.check(out, RTL, choice=design_run.Choice(top="gyro_top", level="pins"))
@@ -284,7 +284,7 @@ def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
         adapted_bundle.write_pin_bundle(out, "pins", pins)
     with pytest.raises(FileError, match="no design for any simulator"):
         top_run.check(out, tmp_path)
-    with pytest.raises(FileError, match="is run by top_run"):
+    with pytest.raises(FileError, match="use top_run"):
         rtl_run.check(out, RTL)
 
 

@@ -104,10 +104,10 @@ def test_several_changes_of_the_clock_at_one_time_are_one(tmp_path):
     [
         ("nonsense", asked(), bits(4), "no $enddefinitions"),
         (VCD.replace("$var reg 4 #", "$var reg four #"), asked(), bits(4), "broken $var"),
-        (VCD.replace("#20", "#2"), asked(), bits(4), "not a later time"),
+        (VCD.replace("#20", "#2"), asked(), bits(4), "is malformed or earlier"),
         (VCD.replace("b1110 #", "q1110 #"), asked(), bits(4), "not a VCD value"),
         (VCD + "b1", asked(), bits(4), "ends inside a value"),
-        (VCD, asked(ports={"q": "tb.q"}), bits(4), "no signal tb.q; there is tb.dut.q"),
+        (VCD, asked(ports={"q": "tb.q"}), bits(4), "no signal tb.q; similar: tb.dut.q"),
         (VCD, asked(ports={"q": "tb.dut.level"}), bits(4), "is a real"),
         (VCD, asked(ports={"q": "tb.dut.q[5:2]"}), bits(4), "bit 5 of a signal of 4"),
         (VCD, asked(ports={"q": "tb.dut.q[0:3]"}), bits(4), "0 is below 3"),
@@ -115,8 +115,8 @@ def test_several_changes_of_the_clock_at_one_time_are_one(tmp_path):
         (VCD, asked(clock="tb.dut.q"), bits(4), "the clock has 4 bits"),
         (VCD, asked(clock="tb.rst"), bits(4), "no rising edge"),
         (VCD, asked(clock=""), bits(4), "no clock.signal"),
-        (VCD, asked(reset=("tb.rst", 0)), bits(4), "never active and then released"),
-        (VCD, asked(first_edge=9), bits(4), "behind the last clock edge"),
+        (VCD, asked(reset=("tb.rst", 0)), bits(4), "never 0 and later 1 at a clock edge"),
+        (VCD, asked(first_edge=9), bits(4), "after the last clock edge"),
         (VCD, asked(ports={"z": "tb.dut.q"}), bits(4), "port z is not in the manifest"),
     ],
 )
@@ -167,7 +167,7 @@ def test_a_missing_or_foreign_file_is_one_clear_line(tmp_path, name):
 def test_the_content_of_a_dump_decides_what_it_is(tmp_path, first, kind):
     path = tmp_path / "a.vcd"
     path.write_bytes(first + bytes(100))
-    with pytest.raises(FileError, match=f"the content is of a {kind} file: give it that ending"):
+    with pytest.raises(FileError, match=f"the content is that of a {kind} file; rename it"):
         read_log(path, asked(), {"q": bits(4)})
 
 
@@ -175,9 +175,9 @@ def test_the_content_of_a_dump_decides_what_it_is(tmp_path, first, kind):
     ("old", "new", "said"),
     [
         ("$var reg 4 #", "$var reg 99999999 #", "port q: a signal of 99999999 bits, above the limit 4096"),
-        ("#20", "#" + "9" * 5000, "is not a later time"),
+        ("#20", "#" + "9" * 5000, "is malformed or earlier"),
         ("b0 #", "b #", "a value without bits"),
-        ("b0 #", "x" * 3_000_000, "a word of more than 65536 characters"),
+        ("b0 #", "x" * 3_000_000, "a word has more than 65536 characters"),
         ("b0 #", "\udcff", "is not ASCII"),
     ],
 )
@@ -200,7 +200,7 @@ def test_a_damaged_fst_is_one_line(tmp_path):
     pytest.importorskip("pywellen")
     path = tmp_path / "a.fst"
     path.write_bytes(b"\0" + (329).to_bytes(8, "big") + bytes(400))
-    with pytest.raises(FileError, match="is no FST file that can be read"):
+    with pytest.raises(FileError, match="is not a readable FST file"):
         read_log(path, asked(), {"q": bits(4)})
 
 
@@ -407,5 +407,5 @@ def test_escaped_names_arrays_and_generate_blocks_are_found(tmp_path, kind):
 
 def test_two_signals_of_one_name_are_not_guessed(tmp_path):
     text = VCD.replace("$var real 64 $ level $end", "$var reg 4 % \\q [3:0] $end")
-    with pytest.raises(FileError, match=r"tb\.dut\.q is there more than once"):
+    with pytest.raises(FileError, match=r"duplicate signal tb\.dut\.q"):
         read_log(vcd(tmp_path, text), asked(), {"q": bits(4)})

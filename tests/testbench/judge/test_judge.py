@@ -204,7 +204,7 @@ def test_a_mean_is_judged_by_value_trend_and_spread():
 
     assert judged(351.0, 325.0, 5.0).verdict == PREDICTED
     assert judged(371.0, 325.0, 5.0).verdict == CONTRADICTED
-    assert judged(351.0, 351.0, 5.0).basis.startswith("less that at 25 degC")
+    assert judged(351.0, 351.0, 5.0).basis.startswith("minus that at 25 degC")
     assert judged(351.0, 325.0, 12.0).basis.startswith("standard deviation between cases")
 
 

@@ -1,7 +1,7 @@
 """Rates of random trials of tracing: python -m tests.testbench.measured.loop_rates 100 --keep trials.jsonl
 
-What is not yet in the file is run, one line of JSON per trial; the table of all is printed, and with --page
-docs/measured.md written into the part `trials` of that page.
+Trials that the file lacks are run, one line of JSON each; the table of all is printed, and with --write stored in
+docs/results/tracing_trials.json.
 Source    docs/measured.md
 """
 
@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.console.markdown import replace_part
+from testbench.console.markdown import markdown
+from testbench.console.results import write_results
+from testbench.console.text_table import Table
 from testbench.measured.closed_loop import loop_runs
-from testbench.storage.files import write_text
 from testbench.tracing.noise.power import clopper_pearson
 from tests.testbench.measured.loop_trials import KINDS, QUICK, Bank, kinds, trial
 
@@ -55,9 +56,9 @@ def false_effect(t):
 
 
 def table(trials):
-    """Markdown: what was hidden and what the verdicts said, with 95 % Clopper-Pearson intervals."""
-    lines = ["| hidden | right verdict | detected | named right, of detected | false cause | verdicts |"]
-    lines.append("|---|---|---|---|---|---|")
+    """What was hidden and what the verdicts said, with 95 % Clopper-Pearson intervals."""
+    heads = ("hidden", "right verdict", "detected", "named right, of detected", "false cause", "verdicts")
+    rows = []
     for kind in KINDS:
         some = [t for t in trials if t["kind"] == kind]
         if some:
@@ -65,14 +66,11 @@ def table(trials):
             n, verdicts = len(some), [t["verdict"] for t in some]
             first = rate(sum(_named(t) for t in seen), len(seen)) if seen and kind in ("one", "two", "in") else ""
             said = ", ".join(f"{v} {verdicts.count(v)}" for v in sorted(set(verdicts)))
-            lines.append(
-                f"| {kind} | {rate(sum(t['right'] for t in some), n)} | {rate(len(seen), n)} | {first} "
-                f"| {rate(sum(false_effect(t) for t in some), n)} | {said} |"
-            )
+            false = rate(sum(false_effect(t) for t in some), n)
+            rows.append((kind, rate(sum(t["right"] for t in some), n), rate(len(seen), n), first, false, said))
     sigma = np.array([t["numerical"] for t in trials if t["numerical"] is not None and t["kind"] != "out"])
     held = rate(int(np.sum(sigma < 0.5)), len(sigma))
-    lines += [
-        "",
+    lines = [
         f"Numerical certificate, all but `out`: median {np.median(sigma):.2f} sigma, largest {sigma.max():.2f}, below "
         f"0.5 in {held}.",
     ]
@@ -94,7 +92,7 @@ def table(trials):
         lines[-1] += f"95 % intervals hold {inside}."
     took = np.array([t["seconds"] for t in trials])
     lines.append(f"Seconds of a trial: median {np.median(took):.0f}, largest {took.max():.0f}.")
-    return "\n".join(lines)
+    return Table("", heads, rows, "\n".join(lines), ())
 
 
 def kept(path):
@@ -107,7 +105,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("count", type=int)
     parser.add_argument("--keep", type=Path, required=True, help="file of finished trials")
-    parser.add_argument("--page", type=Path, help="page whose part `trials` becomes the table")
+    parser.add_argument("--write", action="store_true", help="store the table in docs/results/tracing_trials.json")
     parser.add_argument("--first", type=int, default=1000, help="first seed")
     parser.add_argument("--threads", type=int, default=loop_runs.THREADS)
     given = parser.parse_args(argv)
@@ -126,9 +124,11 @@ def main(argv=None):
         with given.keep.open("a") as file:
             file.write(json.dumps(row) + "\n")
         print(kind, seed, row["truth"], row["verdict"], row["found"], "right" if row["right"] else "WRONG", flush=True)
-    print(table(done))
-    if given.page:
-        write_text(given.page, replace_part(given.page.read_text(), "trials", table(done)))
+    rates = table(done)
+    print(markdown(rates), rates.note, sep="\n\n")
+    if given.write:
+        options = f"{given.count} --first {given.first} --keep {given.keep} --write"
+        write_results("tracing_trials", f"python -m tests.testbench.measured.loop_rates {options}", [rates])
 
 
 if __name__ == "__main__":

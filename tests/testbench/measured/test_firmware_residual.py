@@ -83,7 +83,7 @@ def test_without_them_it_cannot(middle):
     table = record.tables["initial"]
     record.tables["initial"] = {k: TableColumn(c.data[1:], c.unit) for k, c in table.items()}
     residual = firmware_residual.residual(record)
-    assert residual.verdict == "R0 not decidable: frame 0 is no power-on, and /initial does not name every register"
+    assert residual.verdict == "R0 not decidable: frame 0 is not a power-on, and /initial does not contain every register"
     assert residual.first is None
 
 

@@ -56,7 +56,7 @@ def test_stiffness_within_the_limits_stays_positive():
         force = ALL[name].law.high * value(factors, {"x": 5e-6}) - k_n_per_m * 5e-6
         assert abs(force) < 1e-9 * k_n_per_m * 5e-6
     low, _, reason = loop_limits.coefficient_limits(law.parse(f"force_x = {k_n_per_m * 1e12!r} x^3"))
-    assert (low, reason) == (pytest.approx(-1 / 5**2, rel=1e-9), "the stiffness stays positive")
+    assert (low, reason) == (pytest.approx(-1 / 5**2, rel=1e-9), "the stiffness must stay positive")
 
 
 def test_a_law_keeps_to_the_range_of_its_key():
@@ -84,8 +84,8 @@ def test_sizes_that_physics_gives():
 
 def test_what_breaks_a_limit_is_told_with_value_limit_unit_and_reason():
     law = Law("centrifugal", "force_x", "c m rate^2 x", "1", 1.0, low=0.0, high=1.0, reason="inertia")
-    assert law.beyond(-13.0, 0.5) == "centrifugal: -13 is below 0 1, the limit of physics (inertia)"
-    assert law.beyond(3.0) == "centrifugal: 3 is above 1 1, the limit of physics (inertia)"
+    assert law.beyond(-13.0, 0.5) == "centrifugal: -13 is below the physical limit 0 1 (inertia)"
+    assert law.beyond(3.0) == "centrifugal: 3 is above the physical limit 1 1 (inertia)"
     assert law.beyond(3.0, 1.5) == law.beyond(1.0) == law.beyond(-0.9, 0.5) == ""
 
 

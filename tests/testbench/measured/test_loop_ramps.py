@@ -62,7 +62,7 @@ def test_a_dwell_that_is_no_ramp_is_refused(record):
     kept = table["rate"].data.copy()
     table["rate"].data[-75:] += 20.0
     try:
-        with pytest.raises(ConfigError, match=r"/stimulus/rate: .* from a straight line within segment ramp"):
+        with pytest.raises(ConfigError, match=r"/stimulus/rate: .* from a straight line in segment ramp"):
             loop_record.measured_features(record, "ramps", {})
     finally:
         table["rate"].data[:] = kept

@@ -47,7 +47,7 @@ def test_a_register_that_the_model_does_not_set_is_refused(own):
     table["name"] = TableColumn(np.array(["phase_sense_ref", *table["name"].data[1:]]), "")
     s = segments(own)[2]
     with pytest.raises(
-        ConfigError, match=r"/registers row 0: phase_sense_ref = \d+, the configuration of the model sets 0"
+        ConfigError, match=r"/registers row 0: phase_sense_ref = \d+, but the configuration of the model sets 0"
     ):
         loop_record.setpoints(own, check_tables.stated_config(own), s)
 
@@ -71,7 +71,7 @@ def test_a_board_is_calm_from_its_lock_on_or_from_the_last_change(own):
 def test_a_record_without_a_fitted_segment_is_one_line(own):
     roles = own.tables["segments"]["role"]
     own.tables["segments"]["role"] = TableColumn(np.array(["none"] * len(roles.data)), "")
-    with pytest.raises(ConfigError, match="/segments: none has the role fit"):
+    with pytest.raises(ConfigError, match="/segments: no segment has the role fit"):
         loop_record.measured_features(own, "a", {})
 
 

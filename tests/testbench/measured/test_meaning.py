@@ -101,7 +101,7 @@ def test_the_replay_names_one_mistake_in_the_streams_of_the_converter(own, tmp_p
     meanings.codes(own, "adc_yQ", told)
     line = findings(tmp_path / "a.h5", own)[-1]
     assert line.startswith("R16 /streams/")
-    assert line.endswith(f"; 0 LSB if it is {words}")
+    assert line.endswith(f"; 0 LSB with {words}")
 
 
 def test_two_mistakes_are_no_single_one(own, tmp_path):
@@ -137,7 +137,7 @@ def test_required_streams_alone_are_checked_and_what_tracing_lacks_is_named(smal
         record.streams.pop(name, None)
     assert checks.check(record) == []
     line = (
-        "/streams/[a-z_]*word: expected a stream with one row a frame, found none; the observable [a-z_]* is made of it"
+        "/streams/[a-z_]*word: expected a stream with one row per frame, found none; the observable [a-z_]* is computed from it"
     )
     with pytest.raises(ConfigError, match=line):
         loop_record.measured_features(record, "a", {})

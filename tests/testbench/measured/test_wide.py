@@ -280,7 +280,7 @@ def test_the_stages_find_a_board_a_factor_away_and_say_that_they_have(monkeypatc
     assert not found.at_wall
     for p in found.parameters:
         assert p.start == pytest.approx(truth[p.key], rel=1e-6)
-    assert "3 parameters from the record itself" in found.lines()[0]
+    assert "3 parameters estimated from the record" in found.lines()[0]
 
 
 class _Ring(_Loop):
@@ -375,7 +375,7 @@ def test_a_memory_longer_than_what_the_dwells_show_is_supported_by_none_of_them(
     of.conditions = {name: Condition(name, settle_s=2.0, seconds=0.6) for name in of.after}
     told = loop_problem.LoopProblem.insufficient_data_reason
     assert told(of, "force_x: lag(3) vx") == (
-        "its time constant is 3 s, and the dwells show 0.6 s of the time from power-on"
+        "its time constant is 3 s, but the dwells cover 0.6 s of the time from power-on"
     )
     assert told(of, "force_x: temp vx") == told(of, "duffing_k3_per_um2") == told(of, "plant.sid_switch_s") == ""
     of.after["b"] = 4.4

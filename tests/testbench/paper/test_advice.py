@@ -150,7 +150,7 @@ def test_growth_reads_what_grows(tau_s, hz):
 
 
 def test_noise_adds_up_to_the_arw_of_the_default_device():
-    """0.134 to 0.138 deg/sqrt(h) (docs/parts/device.md), of which C/V is nearly all; damping 7.8e-4."""
+    """0.134 to 0.138 deg/sqrt(h) (docs/plant.md), of which C/V is nearly all; damping 7.8e-4."""
     assert 0.134 <= sensitivity.arw_deg_per_rth(DEFAULT) <= 0.138
     share = sensitivity.density_dps(DEFAULT)
     assert share["thermomechanical"] * 60 / math.sqrt(2) == pytest.approx(7.8e-4, rel=0.02)

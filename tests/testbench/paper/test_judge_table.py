@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,9 @@ from testbench.paper.calibration.calibrate_phases import FACTOR, NODES
 from testbench.run.budget import budget
 
 ROOT = Path(__file__).resolve().parents[3]
+sys.path.append(str(ROOT / "docs"))
+
+import pages  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +61,7 @@ def test_a_study_and_the_closed_form_are_judged_alike(rows):
 
 def test_the_simulated_study_and_the_closed_form_agree_row_by_row(rows):
     """Values that a study of the default board has left: role and verdict are the same wherever both have a value."""
-    kept = json.loads((ROOT / "docs" / "paper_judged.json").read_text())
+    kept = json.loads((ROOT / "docs" / "results" / "paper_judged.json").read_text())
     found = judge.rows(simulated.from_json(kept, Config()))
     both = [(a, b) for a, b in zip(rows, found, strict=True) if NOT_COMPUTED not in a.basis + b.basis]
     assert [(a.number.key, a.rule.role, a.verdict) for a, _ in both] == [
@@ -121,7 +125,7 @@ def test_the_document_says_what_uncertainties_are_assumed():
 
 def test_document_trace_and_judge_have_the_same_rows(rows):
     """Role and verdict of each line of the page are those of the trace, in order."""
-    page = (ROOT / "docs" / "paper.md").read_text().split("<!-- judged", 1)[1].split("<!-- end", 1)[0]
+    page = pages.judged_part()
     lines = [line.split("|") for line in page.splitlines() if line.count("|") > 8][2:]
     written = [tuple(cell.strip() for cell in line if cell.strip() in (*ROLES, *VERDICTS)) for line in lines]
     data, _ = paper.report([numbers.PATHS[0]], {})

@@ -38,6 +38,8 @@ HERE = PAGE.parents[1] / "tests" / "testbench" / "port"
 
 
 def example(language):
+    if language == "python":
+        return (PAGE.parent / "plant_port" / "plant.py").read_text()
     return re.search(rf"```{language}\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
 
 
@@ -191,11 +193,14 @@ def test_two_libraries_run_one_after_the_other_on_the_same_kernels(resonator, tm
 
 
 BAD = {
-    "no library": (None, "is no shared library that can be loaded"),
-    "missing": ([("gyro_plant_step(", "another_step(")], "exports no gyro_plant_step; gyro_plant.h says what it must"),
+    "no library": (None, "cannot be loaded as a shared library"),
+    "missing": (
+        [("gyro_plant_step(", "another_step(")],
+        "exports no gyro_plant_step; gyro_plant.h lists what is needed",
+    ),
     "version": (
         [("return GYRO_PLANT_ABI", "return 7")],
-        "gyro_plant_abi is 7, expected 1: compile it with this header",
+        "gyro_plant_abi is 7, expected 1: compile it with the current header",
     ),
     "create": ([("if (*own)", "if (!*own)"), ("*own ?", "!*own ?")], "a resonance has no use for a file of its own"),
     "status": ([("> 1e-4", "> 1e-12")], "m is outside -1e-4 .. 1e-4 m"),
@@ -205,7 +210,7 @@ BAD = {
     ),
     "promise": (
         [("LATE - into + k", "LATE - into - (now > 150) + k")],
-        "drdy is 3259 clocks, expected 3260 as promised before",
+        "drdy is 3259 clocks, expected 3260 as announced before",
     ),
     "apart": ([("k * FRAME * CLOCKS;", "k;")], "clocks are less than 800 apart"),
     "first": ([("{FRAME * CLOCKS + LATE, 2", "{LATE, 2")], "drdy = 10, 6510 clocks; the first falls 26 clocks"),
@@ -240,7 +245,10 @@ def test_a_bad_library_is_one_line(name, tmp_path):
     ("change", "line"),
     [
         (("KEYS =", "Keys ="), "defines no KEYS; expected KEYS, create, reset and step"),
-        (("@numba.cfunc(STATUS(DOUBLES, INTEGERS", "@numba.njit(STATUS(DOUBLES, INTEGERS"), "step is no numba.cfunc"),
+        (
+            ("@numba.cfunc(STATUS(DOUBLES, INTEGERS", "@numba.njit(STATUS(DOUBLES, INTEGERS"),
+            "step is not a numba",
+        ),
         (("p = np.zeros(17)", "p = np.zeros(-1)"), "create: ValueError: negative dimensions are not allowed"),
         (("import numba", "import nothing_of_this_name"), "ModuleNotFoundError: No module named"),
     ],
@@ -253,7 +261,7 @@ def test_a_bad_python_file_is_one_line(change, line, tmp_path):
 
 
 def test_what_a_library_does_not_read_is_refused_or_told(resonator):
-    with pytest.raises(ConfigError, match=r"does not read effects\.feedthrough_y = 0\.001: no run can claim it"):
+    with pytest.raises(ConfigError, match=r"does not read effects\.feedthrough_y = 0\.001; remove this effect"):
         simulation(resonator, effects__feedthrough_y=0.001)
     told = Plant(configured(scenario__plant=str(resonator), plant__qx=1.9e5, plant__qy=1.9e5, noise__seed=7), "frame")
     assert told.unseen == {"plant.qy": 1.9e5}
@@ -266,12 +274,12 @@ def test_what_a_library_does_not_read_is_refused_or_told(resonator):
             Plant(configured(scenario__plant=str(resonator), **values), values.get("scenario__engine", "frame"))
     with pytest.raises(ConfigError, match=r"plant_file needs scenario\.plant"):
         configured(scenario__plant_file="x")
-    with pytest.raises(ConfigError, match="no phases can be read"):
+    with pytest.raises(ConfigError, match="phases cannot be measured"):
         simulation(resonator).probe(1000, 0.0, 25.0)
 
 
 def test_no_file_can_name_a_library(resonator, tmp_path):
-    line = "scenario.plant names a library that would run here; only the option --plant can"
+    line = "scenario.plant names a library that would be executed; only the option --plant may name one"
     checked = quiet(scenario__plant=str(resonator))
     (tmp_path / "config.toml").write_text(to_toml(checked))
     done = gyro("run", "--config", "config.toml", folder=tmp_path)
@@ -282,7 +290,7 @@ def test_no_file_can_name_a_library(resonator, tmp_path):
     with pytest.raises(ConfigError, match=line):
         changed(Config(), {"scenario.plant": str(resonator)})
     (tmp_path / "campaign.toml").write_text('[set]\nscenario.plant = "a.so"\n[axes.seed]\nnoise.seed = [1, 2]\n')
-    with pytest.raises(ConfigError, match=r"scenario\.plant: a campaign has the own plant"):
+    with pytest.raises(ConfigError, match=r"scenario\.plant: a campaign runs the built-in plant only"):
         campaign_plan.read(tmp_path / "campaign.toml")
     plan = from_run.plan_from_config(checked)
     assert (plan.model.scenario.plant, plan.truth.scenario.plant) == ("", str(resonator))
@@ -320,7 +328,7 @@ def test_an_interrupted_run_goes_on_to_the_same_codes_with_its_plant_named_again
 
 def test_a_plant_that_was_replaced_behind_its_compilation_is_refused(monkeypatch):
     monkeypatch.setattr(bound, "outdated_functions", lambda: ["analog_frontend.top.block"])
-    with pytest.raises(RuntimeError, match=r"analog_frontend\.top\.block was compiled before something that it calls"):
+    with pytest.raises(RuntimeError, match=r"analog_frontend\.top\.block was compiled before a function that it calls"):
         Simulation(quiet(), 25.0, 25.0)
 
 

@@ -1,6 +1,6 @@
 """Words of the bus against the printed register map."""
 
-from fpga_model import registers
+from fpga_model import host_bus, registers
 from testbench.register_map import words
 from tests.testbench.register_map import printed_map
 
@@ -33,3 +33,12 @@ def test_lsb_is_a_text_with_unit():
     assert lsb["rate_scale"] == "2^-28"
     assert lsb["temperature"] == "1 x 256 code LSB"
     assert lsb["amplitude_setpoint"] == "1 magnitude LSB"
+
+
+def test_the_rows_of_the_port_are_those_of_its_map():
+    rows = [
+        (f"0x{r.address:02X}", r.name.upper(), r.fmt, "-" if r.access == "ro" else f"0x{r.reset:X}", r.access,
+         r.unit or "-", r.doc)
+        for r in host_bus.MAP
+    ]  # fmt: skip
+    assert printed_map.PORT.strip().splitlines() == ["| " + " | ".join(map(str, row)) + " |" for row in rows]

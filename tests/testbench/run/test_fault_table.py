@@ -16,6 +16,8 @@ sys.path.append(str(Path(__file__).resolve().parents[3] / "docs"))
 
 import faults_page
 
+from testbench.console.results import read_results
+
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="closed loop: too slow interpreted")
 CASES = {f"{case.board}: {case.name}": case for case in fault_table.cases()}
 FROZEN = [name for name in CASES if "frozen" in name and "temperature" not in name]
@@ -26,9 +28,8 @@ WITHIN_MS = 50.0
 
 def written():
     """Cells of the page's table by name."""
-    lines = faults_page.PAGE.read_text().partition("<!-- table")[2].partition("<!-- end -->")[0].splitlines()
-    rows = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines if line.startswith("| ")]
-    return {f"{row[0]}: {row[1]}": row for row in rows[1:]}
+    _, (table,) = read_results("fault_table")
+    return {f"{row[0]}: {row[1]}": row for row in table.rows}
 
 
 def confirm(name):

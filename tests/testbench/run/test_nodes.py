@@ -1,5 +1,6 @@
 """Node phases of the simulated plant against the budget: nobody typed a phase in, yet they agree."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -173,26 +174,28 @@ def test_sigma_of_a_pickoff_is_the_spread_of_its_readings():
     assert np.sqrt(np.mean(np.square(sigmas))) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.25)
 
 
+READINGS = Path(__file__).resolve().parents[3] / "docs" / "results" / "phase_readings.json"
 SEEDS = range(1001, 1041)  # readings and sigma were fixed on others, 1 to 40
 
 
 @pytest.mark.slow
 def test_repeated_runs_scatter_by_their_sigma_about_the_budget():
-    """40 runs of `gyro run --seconds 1 --rate-dps 100`; the page has their figures."""
+    """40 runs of `gyro run --seconds 1 --rate-dps 100`; docs/results/phase_readings.json has their figures."""
     found = []
     for seed in SEEDS:
         values = {"noise__seed": seed, "scenario__seconds": 1.0, "scenario__rate_dps": 100.0, "output__record": False}
         found.append(simulate.run(configured(**values)).summary)
-    page = (Path(__file__).resolve().parents[3] / "docs" / "phases.md").read_text()
+    table = json.loads(READINGS.read_text())["tables"][0]
+    kept = {node: [float(cell) for cell in cells] for node, *cells in table["rows"]}
     for node in budget.NODES:
         error = np.array([got["phase_deg"][node] - got["budget_deg"][node] for got in found])
         derived = np.mean([sum(got["derived_deg"].get(node, {}).values()) for got in found])
         spread, sigma = np.std(error, ddof=1), np.sqrt(np.mean([got["phase_sigma_deg"][node] ** 2 for got in found]))
         assert 0.7 < spread / sigma < 1.35, node
         assert abs(error.mean() - derived) < 3 * spread / np.sqrt(len(found)), node
-        cells = page.partition(f"| {node}, 40 runs | ")[2].partition("\n")[0].strip(" |").split(" | ")
-        assert [float(cell) for cell in cells] == pytest.approx(
+        assert kept[node] == pytest.approx(
             [1e3 * error.mean(), 1e3 * derived, 1e3 * spread, 1e3 * sigma, spread / sigma], rel=0.02
         )
     uneven = 1e3 * np.array([got["uneven_deg"]["xe1"] for got in found])
-    assert f"is {uneven.mean():.2f} mdeg beyond that of even ones, and scatters by {np.std(uneven, ddof=1):.2f}" in page
+    mean, spread = uneven.mean(), np.std(uneven, ddof=1)
+    assert f"is {mean:.2f} mdeg beyond that of even ones, and scatters by {spread:.2f}" in table["note"]

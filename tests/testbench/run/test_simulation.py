@@ -131,5 +131,5 @@ def test_without_codes_the_rows_are_the_same_and_there_is_no_hash(sim):
     assert bare.tail.shape == (2, 0)
     for name, column in sim.columns().items():
         assert np.array_equal(column, bare.columns()[name]), name
-    with pytest.raises(ValueError, match="no hash of codes"):
+    with pytest.raises(ValueError, match="has no hash, because codes are not kept"):
         bare.codes_sha256()

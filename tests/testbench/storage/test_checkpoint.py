@@ -218,7 +218,7 @@ def test_a_killed_run_without_checkpoint_has_nothing_to_continue(locked, tmp_pat
     killed(tmp_path, "rows", 1, command(locked, "--set", "output.checkpoint_s=0", "--out", "out"))
     monkeypatch.chdir(tmp_path)
     said = refused(capsys, "run", "--resume-run", "out")
-    assert said == "gyro: out: holds no interrupted run with a checkpoint; start it again\n"
+    assert said == "gyro: out: holds no interrupted run with a checkpoint; start the run again\n"
 
 
 def test_an_interrupt_says_how_to_continue(locked, tmp_path):
@@ -287,7 +287,9 @@ def test_a_new_run_in_the_folder_of_an_unfinished_one_is_refused_unless_told(loc
     argv = short(locked, "--out", "out")
     got = gyro(*argv, folder=tmp_path)
     assert (got.returncode, got.stdout) == (2, "")
-    assert got.stderr == "gyro: out: holds an unfinished run; --resume-run out continues it, --discard starts anew\n"
+    assert (
+        got.stderr == "gyro: out: holds an unfinished run; --resume-run out continues it, --discard starts a new run\n"
+    )
     assert contents(tmp_path / "out") == kept
     run_here(tmp_path, [*argv, "--discard"])
     assert checkpoint.FOLDER not in os.listdir(tmp_path / "out")
@@ -306,7 +308,7 @@ def test_a_living_run_has_its_folder_alone(interrupted, tmp_path, argv):
     living.hold()
     got = gyro("run", *argv, folder=tmp_path)
     assert (got.returncode, got.stdout) == (2, "")
-    assert got.stderr.startswith(f"gyro: out: another run is at work in this folder: process {os.getpid()} on ")
+    assert got.stderr.startswith(f"gyro: out: another run is using this folder: process {os.getpid()} on ")
     assert contents(tmp_path / "out") == kept
     living.release()
 
@@ -366,7 +368,7 @@ def test_rows_that_change_while_a_run_is_at_work_are_found_before_the_record_is_
     shutil.copytree(interrupted, tmp_path / "out")
     job = reading(tmp_path / "out")
     flipped(job.partial.rows, np.random.default_rng(1))
-    with pytest.raises(FileError, match=r"rows\.bin: rows 0 \.\. \d+ are not those that were written"):
+    with pytest.raises(FileError, match=r"rows\.bin: rows 0 \.\. \d+ differ from what was written"):
         job.recording.write(tmp_path / "run.h5")
     assert not (tmp_path / "run.h5").exists()
 
@@ -379,7 +381,7 @@ def test_a_record_whose_rows_are_not_those_of_the_hash_is_not_written(locked, tm
     spool = result.record.spool
     spool.flush()
     spool._memory[0]["rate_word"][7] += 1
-    with pytest.raises(FileError, match=r"run\.h5: its rows are not those of codes_sha256; it was not written"):
+    with pytest.raises(FileError, match=r"run\.h5: its rows do not match codes_sha256; the record was not written"):
         result.record.write(tmp_path / "run.h5")
     spool._memory[0]["rate_word"][7] -= 1
     result.record.write(tmp_path / "run.h5")
@@ -396,7 +398,7 @@ def test_what_another_version_saved_is_continued_only_if_told_and_the_record_say
         got = gyro(*argv, folder=tmp_path)
         assert got.returncode == 2
         said = f"was saved by code {mine['code'][:12]}, numpy {mine['numpy']}, this is code {'f' * 12}, numpy 9.9; "
-        assert said + "--across-versions continues all the same" in got.stderr
+        assert said + "--across-versions continues despite the difference" in got.stderr
     for argv, folder in ((["run", "--resume-run", "out"], "out"), (new, "two")):
         run_here(tmp_path, [*argv, "--across-versions"])
         record = record_read.read_record(tmp_path / folder / "run.h5")

@@ -100,7 +100,7 @@ def test_what_is_no_hdf5_file_is_one_line(tmp_path):
     (tmp_path / "a").write_text("x")
     with pytest.raises(RecordError, match="R01 / expected an HDF5 file, found something else"):
         hdf5_input.open_hdf5(tmp_path / "a")
-    with pytest.raises(FileError, match="is no regular file"):
+    with pytest.raises(FileError, match="is not a regular file"):
         hdf5_input.open_hdf5(tmp_path)
     (tmp_path / "b").write_bytes(hdf5_input.SIGNATURE + bytes(100))
     with pytest.raises(RecordError, match="R01"):
@@ -118,7 +118,7 @@ sandboxed_read.main(lambda path: {body})
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ("time.sleep(60)", "it takes longer than 1 s"),
+        ("time.sleep(60)", "reading takes longer than 1 s"),
         ("bytearray(1 << 33)", "exit code 1"),
         ("__import__('os').kill(__import__('os').getpid(), 9)", f"signal {int(signal.SIGKILL)}"),
         ("print('read', path.name, end='')", None),
@@ -133,7 +133,7 @@ def test_a_process_that_hangs_grows_or_dies_is_one_line(tmp_path, monkeypatch, b
     if said is None:
         assert sandboxed_read.read_in_subprocess("reader", tmp_path / "a", "test") == b"read a"
         return
-    with pytest.raises(FileError, match=f"is no test that can be read: .*{said}") as caught:
+    with pytest.raises(FileError, match=f"is not a readable test: .*{said}") as caught:
         sandboxed_read.read_in_subprocess("reader", tmp_path / "a", "test")
     assert len(str(caught.value).splitlines()) == 1
     assert time.monotonic() - began < 30

@@ -26,7 +26,7 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "fifo")
     began = time.monotonic()
     for path in (tmp_path / "fifo", tmp_path, "/dev/zero", "/dev/null"):
-        with pytest.raises(FileError, match="is no regular file"):
+        with pytest.raises(FileError, match="is not a regular file"):
             inputs.read_bytes(path)
     assert time.monotonic() - began < 5
     with pytest.raises(FileError, match="No such file"):
@@ -70,10 +70,10 @@ class Head:
         ('{"name": "a"}', "rows: Field required"),
         ("[]", "content: Input should be a dictionary or an instance of Head"),
         ("null", "content: Input should be a dictionary or an instance of Head"),
-        ("{", "is no JSON that can be read"),
-        ("[" * 100_000, "is no JSON that can be read"),
-        ('{"name": "a", "rows": ' + "9" * 5000 + "}", "is no JSON that can be read"),
-        ("\xff", "is no JSON"),
+        ("{", "is not a readable JSON"),
+        ("[" * 100_000, "is not a readable JSON"),
+        ('{"name": "a", "rows": ' + "9" * 5000 + "}", "is not a readable JSON"),
+        ("\xff", "is not a readable JSON"),
     ],
 )
 def test_json_is_of_its_type_or_one_line(tmp_path, text, said):
@@ -102,7 +102,7 @@ def test_what_a_library_raises_is_one_line():
     for problem in (ValueError("bad\nheader"), MemoryError(), RecursionError("deep"), KeyError("x")):
         with pytest.raises(FileError) as caught, inputs.explain_damage("a.mat", "MATLAB file"):
             raise problem
-        assert str(caught.value).startswith("a.mat: is no MATLAB file that can be read: ")
+        assert str(caught.value).startswith("a.mat: is not a readable MATLAB file: ")
         assert "\n" not in str(caught.value)
     with pytest.raises(FileError, match=r"^as it was$"), inputs.explain_damage("a.mat", "MATLAB file"):
         raise FileError("as it was")

@@ -120,7 +120,7 @@ def test_a_spool_that_lost_rows_is_refused(tmp_path):
     path = tmp_path / "rows.bin"
     filled(*rows(10), path=path).flush()
     size = filled(*rows(10)).dtype.itemsize
-    with pytest.raises(FileError, match=rf"rows\.bin: holds {10 * size} bytes, its checkpoint speaks of {11 * size}"):
+    with pytest.raises(FileError, match=rf"rows\.bin: has {10 * size} bytes, its checkpoint states {11 * size}"):
         Spool(path=path, rows=11)
     with pytest.raises(FileError, match=r"none\.bin: cannot be written: No such file"):
         Spool(path=tmp_path / "none.bin", rows=1)
@@ -159,7 +159,7 @@ def test_rows_that_another_run_took_or_gave_are_missed(tmp_path):
     made = filled(*rows(100), path=path)
     made.flush()
     filled(*rows(10), path=path).flush()
-    with pytest.raises(FileError, match=r"rows\.bin: holds 1240 bytes, 12400 were written: another run"):
+    with pytest.raises(FileError, match=r"rows\.bin: has 1240 bytes, but 12400 were written; another run"):
         list(made.row_blocks())
     path.unlink()
     made.add(140, *rows(5))

@@ -146,7 +146,7 @@ def test_a_law_within_a_direction_that_only_a_prior_holds_is_not_named():
     result = trace(problem, Options(n_null=299, power=False, experiments=False))
     assert result.effects[0]["d"] > 10
     assert result.effects[0]["d_without_priors"] < 3
-    assert "confounded with nuisances" in result.sentence
+    assert "confounded with nuisance parameters" in result.sentence
     assert result.verdict == "candidate"  # nothing was held out
     words = [d["words"] for d in result.to_json()["identifiability"]["directions"] if d["fixed_by"] == "prior"]
     assert any("a" in w and "b" in w for w in words)

@@ -46,7 +46,7 @@ def test_a_file_is_traced_and_page_and_json_are_written(tmp_path, toy_opener):
 
 def test_what_no_opener_knows_is_one_error(tmp_path, toy_opener):
     (tmp_path / "other").write_text("something")
-    with pytest.raises(openers.FileError, match="content of no known kind"):
+    with pytest.raises(openers.FileError, match="unknown kind of content"):
         openers.open_problem([tmp_path / "other"], {})
     with pytest.raises(openers.FileError, match="no such file"):
         openers.open_problem([tmp_path / "nothing"], {})
@@ -55,7 +55,7 @@ def test_what_no_opener_knows_is_one_error(tmp_path, toy_opener):
 
 def test_an_option_without_a_value_is_refused(tmp_path, toy_opener):
     (tmp_path / "toy").write_text("toy")
-    assert "is not KEY=VALUE" in str(invoke(tmp_path / "toy", "--option", "meter").exception)
+    assert "expected KEY=VALUE" in str(invoke(tmp_path / "toy", "--option", "meter").exception)
 
 
 def test_a_class_is_printed_with_its_members_and_the_next_experiment(tmp_path, monkeypatch):
@@ -66,6 +66,6 @@ def test_a_class_is_printed_with_its_members_and_the_next_experiment(tmp_path, m
     lines = done.stdout.splitlines()
     result = json.loads((tmp_path / "out.json").read_text())
     first, second = (cause["laws"][0] for cause in result["causes"])
-    assert lines[0] == f"confounded: explained by {first} or {second}: these data do not tell them apart"
-    assert lines[-2].startswith(f"as well: {second} ")
+    assert lines[0] == f"confounded: explained by {first} or {second}; these data cannot distinguish them"
+    assert lines[-2].startswith(f"alternative: {second} ")
     assert lines[-1] == f"next experiment: {result['next_experiment'][0]['words']}"

@@ -174,13 +174,13 @@ def test_a_law_of_the_library_that_does_as_well_is_of_the_class_with_its_chi2():
     for name, effect, _ in (one, two):
         assert (effect["value"], effect["unit"]) == (pytest.approx(least(name)[0]), "V")
     assert (one[2], two[2]) == (0.0, pytest.approx(least(two[0])[1] - least(one[0])[1]))
-    assert result.next_experiment[0]["words"].startswith("no condition on offer separates slope and bent; best is s")
+    assert result.next_experiment[0]["words"].startswith("no available condition separates slope and bent; the best is s")
 
 
 def test_a_misspelt_member_is_an_error():
-    with pytest.raises(TypeError, match=r"Spelt.noise_gian is no member of a problem; did you mean noise_gain\?"):
+    with pytest.raises(TypeError, match=r"Spelt.noise_gian is not a member of a problem; did you mean noise_gain\?"):
         type("Spelt", (Line,), {"noise_gian": 1.2})
-    with pytest.raises(TypeError, match=r"Bowed.bow is no member of a problem, nor named in adds"):
+    with pytest.raises(TypeError, match=r"Bowed.bow is not a member of a problem and is not named in adds"):
         type("Bowed", (Line,), {"bow": lambda self: 1.0})
     problem = Line()
     with pytest.raises(AttributeError, match="did you mean numerical_certificate"):

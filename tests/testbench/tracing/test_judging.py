@@ -137,9 +137,9 @@ def test_a_law_that_held_out_data_do_not_support_is_not_named(monkeypatch, log_o
     result = trace(Toy(5, {"feed": 0.1}), QUICK)
     assert [row["law"] for row in result.effects] == ["feed"] * listed
     assert result.verdict == ("named" if named else "unexplained")
-    assert ("ln odds 0.9 by held-out data, 1 needed" in result.sentence) == (log_odds == 0.9)
+    assert ("ln odds 0.9, 1 needed" in result.sentence) == (log_odds == 0.9)
     assert not listed or not result.notes
-    assert listed or ("feed" in result.sentence and "-1000.0 where held out" in result.notes[-1])
+    assert listed or ("feed" in result.sentence and "-1000.0 from held-out data" in result.notes[-1])
     assert listed or result.heldout["a"]["after"] == result.heldout["a"]["before"]
 
 
@@ -233,7 +233,7 @@ def test_the_page_is_whole_and_needs_nothing_else():
     assert page.count("data:image/png;base64,") == 7
     assert not re.search(r"(src|href)=\"http", page)
     assert "<script" not in page
-    for text in ("named", "feed", "Error before and after", "Smallest effect this record would have shown", "See:"):
+    for text in ("named", "feed", "Error on held-out data, before and after", "Smallest effect that this record detects"):
         assert text in page
 
 

@@ -88,7 +88,7 @@ def test_other_data_do_not_find_this_ones_predictions(tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_one_error(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="no folder for checkpoints"):
+    with pytest.raises(FileError, match="the folder for checkpoints cannot be created"):
         Store(tmp_path / "file" / "below")
 
 

@@ -68,7 +68,7 @@ def test_none_needs_held_out_data_that_agree():
     at_rest = [(a, t, 0.0) for a, t, _ in FIT]
     result = run(3, {"centrifugal": 0.4}, conditions=at_rest)
     assert result.verdict == "unexplained"
-    assert "no alarm where fitted, but held-out data disagree (chi2 / rows" in result.sentence
+    assert "no alarm, but the held-out data disagree with the model (chi2 / rows" in result.sentence
     assert result.heldout_chi2["after"] > result.heldout_chi2["limit"]
     assert result.effects == result.causes == []
     assert run(3, {}, conditions=at_rest).verdict == "none"
@@ -95,7 +95,7 @@ def test_a_calibrated_parameter_far_from_its_prior_is_no_record_without_a_misfit
     *others, zro = problem.nuisances
     problem.nuisances = (*others, zro._replace(value=problem.theta[-1] - sds * zro.prior_sd))
     result = trace(problem, QUICK)
-    told = [note for note in result.notes if "of its prior away from it" in note]
+    told = [note for note in result.notes if "standard deviations from its prior" in note]
     if not sds:
         assert (result.verdict, told) == ("none", [])
     else:
@@ -126,7 +126,7 @@ def test_what_the_data_cannot_support_is_not_named_however_well_it_fits():
     problem.least_d = 40.0
     found = trace(problem, QUICK)
     assert found.verdict == "unexplained"
-    assert "sigmas of pickoff are left beside the priors, 40 needed" in found.sentence
+    assert "sigma with all nuisance parameters fitted, 40 needed" in found.sentence
 
 
 @few_or(8)

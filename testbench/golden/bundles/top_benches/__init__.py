@@ -6,7 +6,7 @@
 
 After 3250 clocks the signature is compared with its line of sig.hex. Everything is read from the files of the bundle.
 The converter is modelled in the bench because it answers the design: it shifts when SCLK rises and DRDY_N follows CS_N.
-Source  docs/golden.md (the whole design), docs/parts/adc_serial.md
+Source  docs/golden.md (the whole design), analog_frontend/parts/adc_serial.py
 """
 
 from testbench.golden.bundles import benches

@@ -22,7 +22,7 @@ def _check_interpolated(sheet):
     for c in sheet.columns:
         mask = interpolated.on_a_line(c.values, None, 1.0)
         if mask.any():
-            yield finding(sheet, "interpolated", c.name, mask, "codes exactly between their neighbours")
+            yield finding(sheet, "interpolated", c.name, mask, "codes lie exactly between their neighbours")
 
 
 CHECKS = (duplicated.check, stuck.check, spikes.check, _check_interpolated)

@@ -135,7 +135,7 @@ def test_volts_that_are_no_codes_are_told_and_no_word_is_made_of_them(board, tmp
     lsb = 4.76837158203125e-07
     values = {NAMES[name]: np.round(board[name] * lsb, 12 if share > 1 else 6) for name in ADC}
     found = imported(tmp_path, made(board, **values), MAP + columns("V", lsb_V=lsb * share))
-    assert found.lacking.endswith("its volts are not the converter's own codes")
+    assert found.lacking.endswith("its volts do not correspond to integer codes of the converter")
     text = " ".join(found.lines)
     step = 10 * lsb if share > 1 else 4e-6  # the converter's codes step by ten: 4.8 uV, or 4 and 5 of whole uV
     assert f"smallest step {step:.4g}" in text
@@ -175,14 +175,14 @@ def test_a_first_row_with_codes_is_frame_1_by_its_stamp(board, tmp_path):
 def test_behind_a_lost_row_nothing_is_used(board, tmp_path):
     table = {key: np.delete(v, 9500) for key, v in made(board).items()}
     found = imported(tmp_path, table)
-    assert any("left out: all from frame 9500 on" in line for line in found.lines)
+    assert any("left out: all rows from frame 9500 on" in line for line in found.lines)
     assert len(found.record.streams["adc_xI"].data) == 9500
     same_words(found, board)
 
 
 LATE = {
     "no stamp": ("", 5, "no row without a conversion, and no stamp of the power-on"),
-    "stamp": ("power_on = 0.0", 5, "the first row is frame 5 by its stamp: 4 conversions are missing"),
+    "stamp": ("power_on = 0.0", 5, "the first row is frame 5 by its time stamp: 4 conversions are missing"),
 }
 
 
@@ -205,7 +205,7 @@ def test_a_late_start_is_told_and_goes_on(board, tmp_path, case):
 def test_a_decimated_file_is_told_and_goes_on(board, tmp_path):
     table = {key: v[: len(v) // 8 * 8].reshape(-1, 8).mean(1) for key, v in made(board).items()}
     found = imported(tmp_path, table)
-    assert "a row is 8 frames: no word can be replayed" in found.lacking
+    assert "a row covers 8 frames: no word can be replayed" in found.lacking
     write_record(tmp_path / "slow.h5", found.record)
     assert not load_record.load(tmp_path / "slow.h5").is_blocked
 
@@ -307,7 +307,7 @@ WRONG = {
     "no stream": (MAP + columns() + 'adc_z = { column = "t" }\n', "columns.adc_z: is no stream"),
     "missing": (MAP + columns().replace("adc_yQ", "adc_ok"), "columns.adc_yQ is missing"),
     "unit": (MAP + columns("furlong"), "columns.adc_xI.unit: Input should be"),
-    "hertz": (MAP + columns("Hz"), "columns.adc_xI: unit 'Hz' is that of nco_fword alone"),
+    "hertz": (MAP + columns("Hz"), "columns.adc_xI: unit 'Hz' is valid only for nco_fword"),
     "setting": (MAP.replace("plant.fx_hz", "plant.fx") + columns(), "[set]"),
     "write": (MAP + columns() + "[[write]]\nat_s = 1.0\n", "write[0]: expected name with raw, or a_um, or detune_deg"),
     "files": (MAP + columns() + "[[power_on]]\n[[power_on]]\n", "2 [[power_on]] for 1 files"),
@@ -317,7 +317,7 @@ WRONG = {
     ),
     "beyond": (
         MAP + columns() + '[[segment]]\nid = "a"\nfrom_s = 2.0\nto_s = 100.0\n',
-        "segment a: 2 .. 100 s, the file holds 0 .. 1.22513 s",
+        "segment a: 2 .. 100 s is outside the file, which covers 0 .. 1.22513 s",
     ),
 }
 

@@ -56,7 +56,7 @@ def test_without_a_power_on_no_word_follows(small):
         bare.tables[table] = {key: c._replace(data=c.data[:0]) for key, c in bare.tables[table].items()}
     found, why = firmware_words.complete_record(bare)
     assert found is bare
-    assert why == "frame 0 is no power-on, and /initial does not name every register"
+    assert why == "frame 0 is not a power-on, and /initial does not contain every register"
 
 
 def test_r1_of_another_firmware_takes_the_recorded_words(own):
@@ -66,5 +66,5 @@ def test_r1_of_another_firmware_takes_the_recorded_words(own):
     study = residuals.study_residuals(own, "R1")
     assert not study.exact_words
     assert {row.observable for row in study.rows} == set(schema.ADC)
-    with pytest.raises(ConfigError, match="R2: regmap_sha256 is another firmware's"):
+    with pytest.raises(ConfigError, match="R2: regmap_sha256 belongs to another firmware"):
         residuals.study_residuals(own, "R2")

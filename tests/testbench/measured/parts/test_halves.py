@@ -1,8 +1,8 @@
 """Coefficients of two disjoint halves of each published set, fitted apart, agree within their stated intervals.
 
 python -m pytest -s -m slow tests/testbench/measured/parts/test_halves.py   with GYRO_DATA_DIR set
-The laws are those of docs/measured_parts.json. Halves are sessions, files or sweeps where there are two, else the
-stretches of one file that choose and that judge.
+The laws are those of docs/results/measured_parts.json. Halves are sessions, files or sweeps where there are two, else
+the stretches of one file that choose and that judge.
 """
 
 import json
@@ -24,7 +24,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not os.environ.get(registry.FOLDER), reason=f"{registry.FOLDER} is not set"),
 ]
-KEPT = json.loads((Path(__file__).parents[4] / "docs" / "measured_parts.json").read_text())
+KEPT = json.loads((Path(__file__).parents[4] / "docs" / "results" / "measured_parts.json").read_text())
 OTHER = {"fit": "validate", "validate": "fit"}
 
 

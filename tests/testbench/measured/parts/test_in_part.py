@@ -13,7 +13,7 @@ def test_named_with_a_rest_is_named_in_part_and_says_where():
     assert part_page.in_part(report("named", 1.4)) == report("named", 1.4)
     found = part_page.in_part(report("named", 1.6))
     assert found["verdict"] == "named in part"
-    assert found["sentence"].endswith("Not explained, in floors: a 1.6.")
+    assert found["sentence"].endswith("Held-out errors that are not explained, in floors: a 1.6.")
     assert part_page.in_part(report("confounded", 9.0))["verdict"] == "confounded"
     assert part_page.in_part(report("named", 9.0, None))["verdict"] == "named"
 

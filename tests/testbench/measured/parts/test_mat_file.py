@@ -38,9 +38,9 @@ def test_a_compressed_element_is_limited(tmp_path):
 
 @pytest.mark.parametrize("body", [b"", b"x", bytes(64), b"\x0e\0\0\0\xff\xff\xff\x7f" + bytes(64)])
 def test_damage_is_one_line(tmp_path, body):
-    with pytest.raises(FileError, match="is no MATLAB 5 file that can be read"):
+    with pytest.raises(FileError, match="is not a readable MATLAB 5 file"):
         read_mat(element(tmp_path, body))
     whole = element(tmp_path, bytes(1000)).read_bytes()
     (tmp_path / "a.mat").write_bytes(whole[:150] + b"\xff" * 8 + whole[158:])
-    with pytest.raises(FileError, match="is no MATLAB 5 file that can be read"):
+    with pytest.raises(FileError, match="is not a readable MATLAB 5 file"):
         read_mat(tmp_path / "a.mat")

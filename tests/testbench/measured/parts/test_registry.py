@@ -74,7 +74,7 @@ def test_a_folder_is_read_and_checked(tmp_path, monkeypatch):
     monkeypatch.setenv(registry.FOLDER, str(tmp_path))
     (tmp_path / "some_set").mkdir()
     there = tmp_path / "some_set" / "a.txt"
-    with pytest.raises(FileError, match="is not there"):
+    with pytest.raises(FileError, match="does not exist"):
         registry.path(entry("a.txt"))
     there.write_bytes(DATA)
     assert registry.path(entry("a.txt")) == there

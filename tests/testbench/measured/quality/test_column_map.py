@@ -54,12 +54,12 @@ def ring(tmp_path, **changes):
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ('file = "data"', 'file = "../data"', "leads out of the folder"),
+        ('file = "data"', 'file = "../data"', "is outside the folder of the map"),
         ('file = "data"', 'file = "nothing"', "cannot be read"),
         ('"c1"', '"c9"', "no column 'c9'; there are c0, c1"),
         ('unit = "ms"', 'unit = "mV"', "unit 'mV' is none of s, ms"),
         ("power =", "volts =", "columns.volts: none of time, power of kind ring-down"),
-        ('power = {column = "c1", unit = "mW"}', "", "wants power, which the map lacks"),
+        ('power = {column = "c1", unit = "mW"}', "", "needs power; add them to the map"),
         ("[head]", "[head]\ncolour = 1", "head.colour: none of"),
         ('kind = "ring-down"', 'kind = "ring-down"\nextra = 1', "extra"),
         ('unit = "ms"', 'unit = "ms", range = [0, 1]', "unit: c0.*outside 0 .. 1 ms"),

@@ -108,7 +108,7 @@ def test_a_sweep_of_one_port_has_no_finding_and_is_refused_by_its_reader(tmp_pat
     path = tmp_path / "one.s1p"
     path.write_text(f"# Hz S RI R 50\n{rows}\n")
     assert sheets.examine([path]) == ()
-    with pytest.raises(FileError, match="one port; S21 wanted"):
+    with pytest.raises(FileError, match="one port; S21 is required"):
         open_problem([path], {})
 
 
