@@ -104,6 +104,7 @@ lint: $(VENV)/.test ## ruff, codespell, and the language of pages, docstrings an
 
 docs: $(VENV)/.docs ## the site, in build/site: all pages, generated tables, a page for each module; a warning is an error
 	$(BIN)/python docs/pages.py --check
+	rm -rf build/site
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --doctree-dir build/doctrees docs build/site
 
 clean: ## remove what the targets made

@@ -36,9 +36,25 @@ def modules():
     return {name: path for name, path in sorted(named.items()) if ast.parse(path.read_text()).body}
 
 
-def prose(node):
+def described_arguments(node, names):
+    """({argument: description}, docstring without these lines): lines `name  text` and what continues them."""
+    descriptions, rest, current = {}, [], ()
+    for line in (ast.get_docstring(node) or "").split("\n"):
+        found = re.match(r"\s*(\w+(?:, \w+)*) {2,}(\S.*)", line)
+        if found and set(found[1].split(", ")) <= set(names):
+            current = found[1].split(", ")
+            descriptions |= dict.fromkeys(current, found[2])
+        elif current and line.startswith("  "):
+            descriptions |= {name: f"{descriptions[name]} {line.strip()}" for name in current}
+        else:
+            current = ()
+            rest.append(line)
+    return descriptions, "\n".join(rest)
+
+
+def prose(node, raw=None):
     """Markdown of the docstring of a module, class or function: what is indented or in columns stays as it is."""
-    raw = ast.get_docstring(node, clean=False) or ""
+    raw = ast.get_docstring(node, clean=False) or "" if raw is None else raw
     indent = " " * (getattr(node, "col_offset", -4) + 4)
     parts = []
     for part in "\n".join(line.removeprefix(indent).rstrip() for line in raw.split("\n")).strip().split("\n\n"):
@@ -53,10 +69,17 @@ def escaped(text):
     return "".join(re.sub(r"([\\*_<\[$])", r"\\\1", p) if k % 2 == 0 else p for k, p in enumerate(pieces))
 
 
+def constructor(node):
+    """`__init__` of a class, or None."""
+    return next((n for n in node.body if isinstance(n, ast.FunctionDef) and n.name == "__init__"), None)
+
+
 def signature(node, lines):
     """`name(arguments)` of a function; of a record its name and fields, each with its comment: that holds the unit."""
     if isinstance(node, ast.FunctionDef):
         return f"{node.name}({ast.unparse(node.args)})"
+    if begin := constructor(node):
+        return f"class {node.name}({ast.unparse(begin.args).removeprefix('self, ')})"
     fields = [item for item in node.body if isinstance(item, ast.AnnAssign)]
     return "\n".join([f"class {node.name}", *("\n".join(lines[f.lineno - 1 : f.end_lineno]) for f in fields)])
 
@@ -72,20 +95,26 @@ def unit_of(name):
     return UNITS["ticks"] if name == "ticks" else ""
 
 
-def arguments_table(node):
-    """Markdown table of a function's arguments with unit and default; "" where nothing is known of any."""
-    every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+def arguments_of(node):
+    """Names of a function's arguments with their defaults as text, "" for none."""
     plain = [*node.args.posonlyargs, *node.args.args]
     defaults = dict(zip([a.arg for a in plain[::-1]], node.args.defaults[::-1]))
     defaults |= {a.arg: d for a, d in zip(node.args.kwonlyargs, node.args.kw_defaults) if d is not None}
-    rows = [
-        (f"`{a.arg}`", unit_of(a.arg), f"`{ast.unparse(defaults[a.arg])}`" if a.arg in defaults else "")
-        for a in every
-        if a.arg not in ("self", "cls")
-    ]
-    if not any(unit for _, unit, _ in rows):
-        return ""
-    return "\n".join(["| argument | unit | default |", "|---|---|---|", *(f"| {' | '.join(row)} |" for row in rows)])
+    names = [a.arg for a in (*plain, *node.args.kwonlyargs) if a.arg not in ("self", "cls")]
+    return {name: f"`{ast.unparse(defaults[name])}`" if name in defaults else "" for name in names}
+
+
+def described(node, function):
+    """Markdown of a docstring, then a table of the function's arguments: unit, default, description."""
+    defaults = arguments_of(function)
+    descriptions, rest = described_arguments(node, defaults)
+    if not descriptions and not any(map(unit_of, defaults)):
+        return prose(node)
+    lines = ["| argument | unit | default | |", "|---|---|---|---|"]
+    for name, default in defaults.items():
+        text = escaped(descriptions.get(name, "")).replace("|", "\\|")
+        lines.append(f"| `{name}` | {unit_of(name)} | {default} | {text} |")
+    return f"{prose(node, rest)}\n\n" + "\n".join(lines)
 
 
 def members(body, owner=""):
@@ -107,9 +136,8 @@ def page(name, path):
         lines.append(EXTRAS[name]())
     for heading, node in members(tree.body):
         lines += [heading, f"```python\n{signature(node, source.splitlines())}\n```"]
-        if isinstance(node, ast.FunctionDef) and (table := arguments_table(node)):
-            lines.append(table)
-        lines.append(prose(node))
+        function = node if isinstance(node, ast.FunctionDef) else constructor(node)
+        lines.append(described(node, function) if function else prose(node))
     return "\n\n".join(lines) + "\n"
 
 

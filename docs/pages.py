@@ -132,7 +132,7 @@ def simulated_part():
     found, plain = judge.rows(kept), judge.rows(closed_form.rounded_default())
     only = [b for a, b in zip(plain, found) if NOT_COMPUTED in a.basis and NOT_COMPUTED not in b.basis]
     table, _ = judge_table.document(only)
-    heads = [k for k, head in enumerate(table.heads) if head != "rests on"]
+    heads = [k for k, head in enumerate(table.heads) if head != "depends on"]
     rows = [tuple(row[k] for k in heads) for row in table.rows]
     return "\n\n".join(
         (judge_table.sentence(found), markdown(table._replace(heads=tuple(table.heads[k] for k in heads), rows=rows)))

@@ -12,7 +12,7 @@
 
 A frame counts when CS_N rises. Its length, its CRC and its command must be right; else it is dropped and one flag of
 `errors` is set. `write`: `data` belongs at `address`, for one clock per word. `done`: a read was complete.
-`fetch`: `rdata` of `address` is taken.
+`fetch`: `rdata` must be the word at `address`, which has stood for 8 bits of SCK or more.
 
 Formats   shift [0,40,0]   data, rdata [0,32,0]   address [0,11,0]   crc [0,8,0]   bit, status [0,5,0]
           phase, words, errors, clear [0,3,0]   all others [0,1,0]

@@ -153,6 +153,6 @@ BY_NAME = {
         "points/??/*.h5",
         {"GYRO_INSTANT_S": "0.05"},
     ),
-    "paper": Case(_paper, "another study is at work here", "store/points/??/*.h5", {}, 600.0),
+    "paper": Case(_paper, "another study is running in this folder", "store/points/??/*.h5", {}, 600.0),
 }
 CASES = {name: (functools.partial(pair_of, name), functools.partial(kill_of, name)) for name in BY_NAME}

@@ -29,7 +29,7 @@ Name = Annotated[
 ]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace one value of the plan's [set]; may be repeated."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace one value in the section set of the plan; may be repeated."),
 ]
 Engines = Annotated[
     list[str] | None,

@@ -29,7 +29,7 @@ POLL_S = 0.5
 SILENT = logging.CRITICAL + 1
 WORKER_LOG = "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED"
 TRIES = 3
-INSTALL = "{} is not installed; pip install 'ftr-gyro[campaign]'"
+INSTALL = "{} is not installed; run pip install '.[campaign]' in the clone"
 
 
 class ClusterError(ConfigError):

@@ -327,7 +327,7 @@ def write_parquet(store, name, path):
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise FileError(f"{path}: pyarrow is not installed; pip install 'ftr-gyro[campaign]'") from None
+        raise FileError(f"{path}: pyarrow is not installed; run pip install '.[campaign]' in the clone") from None
     stored_plan = read_stored_plan(store, name)
     point_data, faults = load(store, stored_plan.addresses)
     heads, table = rows(stored_plan, point_data)

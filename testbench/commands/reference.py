@@ -18,7 +18,7 @@ def config(
     ] = None,
     faults: Annotated[bool, typer.Option("--faults", help="Kinds of faults of a scenario.")] = False,
     targets: Annotated[bool, typer.Option("--targets", help="Keys of a target for gyro design.")] = False,
-    effects: Annotated[bool, typer.Option("--effects", help="Effects that [effects] switches on.")] = False,
+    effects: Annotated[bool, typer.Option("--effects", help="Effects: keys of the section effects.")] = False,
     as_json: Json = False,
 ):
     """List what a file may contain: keys with default, limits, unit and meaning; without options all keys."""

@@ -52,13 +52,15 @@ def _print_rows(console, table, note):
 def _rich_table(table, note):
     from rich import box
     from rich.table import Table
+    from rich.text import Text  # not markup: titles, cells and notes may have [brackets]
 
-    grid = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, caption=note)
+    title, caption = Text(table.title, "table.title"), note and Text(note, "table.caption")
+    grid = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, caption=caption)
     grid.caption_justify = "left"
     for k, head in enumerate(table.heads):
-        grid.add_column(head, justify="right" if k in table.numeric else "left", no_wrap=k in table.numeric)
+        grid.add_column(Text(head), justify="right" if k in table.numeric else "left", no_wrap=k in table.numeric)
     for k, row in enumerate(table.rows):
-        grid.add_row(*row, style="bold" if k in table.sums else None)
+        grid.add_row(*map(Text, map(str, row)), style="bold" if k in table.sums else None)
     return grid
 
 

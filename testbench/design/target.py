@@ -26,7 +26,7 @@ class Target(Section):
 
     bandwidth_hz: float = number(25.0, "Hz", 0.05, 1000.0, "bandwidth: response 3 dB below the scale factor at rest")
     peak_db: float = number(1.5, "dB", 0.1, 6.0, "largest rise of the response within the bandwidth")
-    modulus_margin: float = number(0.5, "", 0.1, 0.9, "least distance of the open rate loop L(jw) from -1")
+    modulus_margin: float = number(0.5, "", 0.1, 0.9, "least distance of the rate loop's open-loop gain L from -1")
     startup_s: float = number(
         3.0, "s", 0.5, 60.0, "longest time from power-on to lock, for the slowest board within the tolerances"
     )

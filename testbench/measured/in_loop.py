@@ -264,7 +264,7 @@ def closed_loop_section(sets):
         large = [n for n, x, c in zip(MEASURED, measured, itself) if abs(x) > SIGNIFICANCE_FACTOR * c]
         sentence = (
             f"{case.words}. Scale factor {texts[0]} ppm, bias {texts[1]} deg/h, noise of the rate word at rest "
-            f"{texts[2]} %, compared with the same run without it (bias {base.bias_dps:.4g} deg/s, "
+            f"{texts[2]} %, compared to the run without it (bias {base.bias_dps:.4g} deg/s, "
             f"{base.rms_dps:.3g} deg/s rms). Larger than {SIGNIFICANCE_FACTOR:g} times the controls: "
             f"{', '.join(large) or 'nothing'}."
         )
@@ -282,7 +282,7 @@ def closed_loop_section(sets):
         )
     intro = (
         "<h2>The same effects in the closed loop</h2><p>Pairs of runs of the gyroscope, with and without the effect, "
-        "the same noise sample by sample. The first rows are controls; a change that is not larger than theirs is not an "
-        "effect.</p>"
+        "the same noise sample by sample. The first rows are controls; a change that is not larger than theirs is not "
+        "an effect.</p>"
     )
     return intro + part_page.table(head, rows, (1, 2, 3)) + "".join(words) + more, data

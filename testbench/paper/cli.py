@@ -13,7 +13,7 @@ from testbench.console.progress import Progress
 from testbench.console.show import print_json, print_list, print_reference, print_tables
 
 reports = typer.Typer(
-    name="report", no_args_is_help=True, pretty_exceptions_enable=False, help="Pages about many runs."
+    name="report", no_args_is_help=True, pretty_exceptions_enable=False, help="Write pages about many runs."
 )
 
 
@@ -21,17 +21,19 @@ def calibrate(
     config: ConfigFile = None,
     sets: Sets = None,
     boards: Annotated[
-        int, typer.Option(min=1, max=1000, help="Random boards; 1 without --seed: the board itself.")
+        int, typer.Option(min=1, max=1000, help="Number of random boards; 1 without --seed: the configured board.")
     ] = 1,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the boards' parts and noise.")] = None,
-    temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Of the oven (degC).")] = 25.0,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write cases 1 to 5 there, as TOML.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed for the boards' parts and noise.")] = None,
+    temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Oven temperature (degC).")] = 25.0,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write cases 1 to 5 to this folder, as TOML.")
+    ] = None,
     engine: Annotated[
-        str | None, typer.Option(help="frame: exact, the default; baseband: quick, phases within 3 mdeg.")
+        str | None, typer.Option(help="frame: exact, the default; baseband: fast, phases within 3 mdeg.")
     ] = None,
     as_json: Json = False,
 ):
-    """Calibrate the four phases as the paper does, from registers at reset, with what a laboratory can see."""
+    """Calibrate the four phases as the paper does, from reset values, with signals that a laboratory can measure."""
     checked = load(config, overrides(sets))
     from testbench.errors import ConfigError
 
@@ -39,7 +41,7 @@ def calibrate(
         from testbench.paper.calibration import calibrations
 
         if engine not in (None, "frame", "baseband"):
-            raise ConfigError(f"--engine = {engine!r} is not an engine of the calibration: frame or baseband")
+            raise ConfigError(f"--engine = {engine!r}: the calibration needs frame or baseband")
         results = calibrations.many(checked, boards, seed, temperature_degc, boards == 1, progress, engine)
         paths = calibrations.write_cases(results, checked, seed, out) if out else []
     summary = calibrations.summary(results)
@@ -56,11 +58,11 @@ def calibrate(
 def characterise(
     config: ConfigFile = None,
     sets: Sets = None,
-    temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Of the oven (degC).")] = 25.0,
-    seconds: Annotated[float, typer.Option(min=10.0, max=36000.0, help="Record at rest (s).")] = 120.0,
+    temperature_degc: Annotated[float, typer.Option("--temperature-degc", help="Oven temperature (degC).")] = 25.0,
+    seconds: Annotated[float, typer.Option(min=10.0, max=36000.0, help="Length of the record at rest (s).")] = 120.0,
     as_json: Json = False,
 ):
-    """Scale factor on 22 rates, bias, V_q, Allan deviation, bandwidth, frequency and drive of one configuration."""
+    """Measure scale factor on 22 rates, bias, V_q, Allan deviation, bandwidth, drive frequency and drive voltage."""
     checked = load(config, overrides(sets))
     with Progress(quiet=as_json) as progress:
         from testbench.paper.measure import characterise as measure
@@ -96,19 +98,26 @@ class PaperOptions(NamedTuple):
     small: Annotated[
         bool, typer.Option("--small", help="Cases 1 and 5 at 25 degC, short records, no random boards.")
     ] = False
-    boards: Annotated[int | None, typer.Option(min=0, max=1000, help="Random boards to calibrate (20).")] = None
-    rest_s: Annotated[float | None, typer.Option(min=10.0, help="Record at rest of each point (600 s).")] = None
-    record_s: Annotated[float | None, typer.Option(min=0.0, help="Phase record (7200 s; 0: none).")] = None
-    workers: Annotated[int | None, typer.Option(min=0, help="Processes of the campaign; 0: this one.")] = None
+    boards: Annotated[int | None, typer.Option(min=0, max=1000, help="Number of random boards to calibrate (20).")] = (
+        None
+    )
+    rest_s: Annotated[
+        float | None, typer.Option(min=10.0, help="Length of the record at rest at each point (600 s).")
+    ] = None
+    record_s: Annotated[
+        float | None, typer.Option(min=0.0, help="Length of the phase record (7200 s; 0: no record).")
+    ] = None
+    workers: Annotated[int | None, typer.Option(min=0, help="Worker processes; 0: only this one.")] = None
     as_json: Json = False
 
 
 @reports.command()
 @takes(PaperOptions)
 def paper(o):
-    """The paper's experiments: calibration, five cases at three temperatures, and one page beside its printed numbers.
+    """Repeat the paper's experiments and compare the results with its numbers on one page.
 
-    The same command continues after any interruption.
+    The experiments are the calibration, and five cases at three temperatures. The same command continues after an
+    interruption.
     """
     checked = load(o.config, overrides(o.sets))
     with Progress(quiet=o.as_json) as progress:
@@ -130,7 +139,7 @@ def paper(o):
 
 @reports.command()
 def numbers(as_json: Json = False):
-    """Each number that the paper prints, beside what the default board gives without a simulation."""
+    """Compare each number of the paper with the closed-form value of the default board."""
     from testbench.judge import judge
     from testbench.paper import closed_form, judge_table
 

@@ -14,11 +14,11 @@ from testbench.judge.number_verdict import VERDICTS, K
 MEANS = ("SF", "Vq", "bias", "ARW", "BI", "SF nonlinearity")
 HEADS = ("quantity", "case", "degC", "unit", "paper", "sigma", "model", "sigma", "pull", "role", "verdict", "notes")
 NOTE = (
-    f"One rule for all rows. Met is a difference of at most {K:g} combined standard uncertainties; of a bound only the "
-    "excess counts. An input or a fitted row that is met says so, and a free one is predicted. One that is not met is "
-    "contradicted. A row that says several things is met only if each is; the pull is that of the part that decides, "
-    "which its note names. "
-    "Sigma: of the paper by what it prints, of the model by what seeds and readings scatter."
+    f"All rows follow one rule. A row is met if model and paper differ by at most {K:g} combined standard "
+    "uncertainties; for a bound only the excess counts. A row that is met is called input or fitted "
+    "by its role, or predicted if its role is free. A row that is not met is contradicted. A row with several "
+    "statements is met only if each one is; its pull is that of the deciding statement, which its note names. "
+    "Sigma of the paper: from its printed values. Sigma of the model: scatter of seeds and readings."
 )
 
 
@@ -66,7 +66,7 @@ def _row_cells(row, notes):
 
 def _notes(row):
     """What the verdict is based on, what the number was read as, and the fitted values it rests on."""
-    rests = f"rests on {', '.join(row.rule.rests_on)}" if row.rule.role in ("fitted", "free") else ""
+    rests = f"depends on {', '.join(row.rule.rests_on)}" if row.rule.role in ("fitted", "free") else ""
     reading = row.rule.reading if row.rule.role != "none" else ""
     return tuple(text for text in (row.basis, reading, rests) if text)
 
@@ -93,7 +93,7 @@ def document(rows):
         sigma = f" +- {row.number.sigma:.2g}" if row.number.sigma else ""
         cells.append((name, case, temp, f"{paper}{sigma}", row.rule.role, letter.get(row.rule.rests_on, ""),
                       row.verdict, row.basis))  # fmt: skip
-    heads = ("quantity", "case", "degC", "paper", "role", "rests on", "verdict", "basis")
+    heads = ("quantity", "case", "degC", "paper", "role", "depends on", "verdict", "basis")
     keys = [(letter[k], ", ".join(f"`{key}`" for key in k)) for k in rows_by_fitted_keys]
     return [Table("", heads, cells, numeric=()), Table("", ("", "fitted values"), keys, numeric=())]
 

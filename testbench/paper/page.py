@@ -24,24 +24,22 @@ from testbench.storage.files import atomic_outputs, write_text
 
 FOLDER = "figures"  # beside the page
 DRIVE = (
-    "What to see: compensating the drive phases (1 to 2, 2 to 3) moves the scale factor by a quarter percent at "
-    "most. The "
-    "model's scale factor falls with temperature by the diodes' threshold, which the paper's board compensates."
+    "What to see: compensation of the drive phases (cases 1 to 2, 2 to 3) changes the scale factor by at most 0.25 %. "
+    "The model's scale factor falls with temperature because of the diodes' threshold voltage. The paper's board "
+    "compensates for this."
 )
 SENSE = (
-    "What to see: compensating ye1 (3 to 4) lowers the scale factor by 1/cos, raises the bandwidth by half a "
-    "hertz and takes "
-    "the nonlinearity away; ye2 (4 to 5) moves the zero-rate output a little and nothing else."
+    "What to see: compensation of ye1 (case 3 to 4) removes the factor 1/cos(ye1 + xe2') from the scale factor, raises "
+    "the bandwidth by 0.5 Hz and removes the nonlinearity. Compensation of ye2 (case 4 to 5) changes only the "
+    "zero-rate output, and only slightly."
 )
 COMPARISON_CAPTION = (
-    "What to see: marks are the model's, with one sigma; crosses are what the paper prints for the mean of cases "
-    "1 to 3. "
-    "Which of these values were put in or fitted, and which are predicted, is in the first table."
+    "What to see: marks are values of the model with one sigma. Crosses are the paper's means of cases 1 to 3. "
+    "The first table says which of these values are inputs, fitted or predicted."
 )
 INFLUENCE = (
-    "What to see: which latency, pole, word or gain moves which observable, by the linear loops; the strongest "
-    "are in the "
-    "table below."
+    "What to see: how much each latency, pole, word length and gain changes each observable, computed with the linear "
+    "loops. A table below lists the strongest influences."
 )
 
 
@@ -70,8 +68,9 @@ def explain_case_nonlinearity(config, points, calibration):
 def prediction_sentence(rows):
     """What is predicted, in one sentence."""
     names = dict.fromkeys(judge_table.short(row.number.quantity) for row in rows if row.verdict == "predicted")
-    quantity_text = "; ".join(names) if names else "nothing"
-    return f"Predicted, that is neither put in nor fitted, and met: {quantity_text}."
+    if not names:
+        return "No number that is neither an input nor fitted agreed with the paper."
+    return f"These numbers are neither inputs nor fitted, and agree with the paper: {'; '.join(names)}."
 
 
 def _cases(points, names, *rest):
@@ -84,7 +83,7 @@ def pictures(study, parts):
     means, three = judge_table.paper_means() if config.is_paper_board else {}, ("1", "2", "3")
     phases = printed_phases() if config.is_paper_board else {}
     yield opening.waterfall(budget(closed_form.bare(config), 25.0), phases)
-    title = "Five cases beside the paper"
+    title = "Five cases compared with the paper"
     yield _cases(points, ("1", "2", "3", "4", "5"), means, title, COMPARISON_CAPTION, "cases_beside_the_paper")
     yield drive.drive_errors(laws["drive"], config)
     if records:
@@ -157,10 +156,11 @@ def write(study, path=None):
         prediction_sentence(compared),
         judge_table.sentence(compared),
         "The paper: Phase error analysis for MEMS gyroscopes operational modes based on force-to-rebalance rate "
-        "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available: "
-        "figures are redrawn from what its text says of them.",
-        "Fitted to the paper's phases, no facts: references leave on the 1 MHz grid, one extra frame in the sense "
-        "path. Default latencies are the best fit of a search over assumed pipelines.",
+        "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available. "
+        "The figures here are redrawn from the descriptions in its text.",
+        "Two assumptions are fitted to the paper's phases and are not documented facts: references leave on the 1 MHz "
+        "grid, and the sense path has one extra frame of 1 us. We searched the possible latencies and kept those "
+        "nearest the paper's xe1 and ye1.",
     ]
     path = Path(path or study.directory / "paper.html")
     with atomic_outputs():

@@ -33,16 +33,16 @@ def calibration_table(one):
             )
         )
     minimum = one["seen"].get("xe2_minimum")
-    note = "Truth is never shown to the procedure. Residual: loop phase that is left, counted from the undisplaced pin."
+    note = "The procedure never sees the true values. Residual: loop phase that remains, relative to the pin at word 0."
     if minimum:
         note += (
-            f" xe1 + xe2' by the minimum of A_d over turned references: {minimum['deg']:.4f} +- "
-            f"{minimum['uncertainty_deg']:.4f} deg; by symmetric detuning {one['found_deg']['xe2']:.4f} +- "
+            f" xe1 + xe2' from the minimum of A_d over rotated references: {minimum['deg']:.4f} +- "
+            f"{minimum['uncertainty_deg']:.4f} deg; from symmetric detuning {one['found_deg']['xe2']:.4f} +- "
             f"{one['found_uncertainty_deg']['xe2']:.4f} deg."
         )
     return Table(
         "Calibration of the base board (deg)",
-        ("phase", "found", "+- (99 %)", "second pass", "residual, truth", "+- stated"),
+        ("phase", "estimate", "+- (99 %)", "second pass", "true residual", "stated +- (99 %)"),
         rows,
         note,
         (1, 2, 3, 4, 5),
@@ -63,9 +63,14 @@ def boards_table(boards):
     ]
     return Table(
         f"{s['boards']} random boards",
-        ("phase", "largest residual (mdeg)", "truth within the stated uncertainty", "second pass within it"),
+        (
+            "phase",
+            "largest residual (mdeg)",
+            "true residual within its uncertainty",
+            "second pass within its uncertainty",
+        ),
         rows,
-        f"All four phases within theirs at once: {s['covered_all_four']} of {s['boards']} boards.",
+        f"All four true residuals are within their uncertainties on {s['covered_all_four']} of {s['boards']} boards.",
         (1, 2, 3),
     )
 
@@ -81,22 +86,23 @@ def noise_table(noise, derived):
         rows.append((source, *(cell(x, arw, 4) for x in (only_set, off)), format_value(want.get(arw), 4),
                      *(cell(x, floor, 3) for x in (only_set, off)), format_value(want.get(floor), 3)))  # fmt: skip
     return Table(
-        "Noise of case 5: each source alone, and without it",
-        ("source", "ARW, alone (deg/sqrt(h))", "without it", "derived", "bias instability, alone (deg/h)", "without it",
-         "derived"),
+        "Noise of case 5: each source alone, and all sources without it",
+        ("source", "ARW, alone (deg/sqrt(h))", "ARW, without it", "ARW, derived", "bias instability, alone (deg/h)",
+         "instability, without it", "instability, derived"),
         rows,
-        "Alone and without: fits to the Allan deviation of simulated records. Derived: by the linear loop from the "
-        "parts' densities, with the rounding of the converters. 0: the fit found none. Without any source is left "
-        "the beat of re-timed reference edges with their 1 MHz grid, of which the linear loop knows nothing.",
+        "Alone, without it: fits to the Allan deviation of simulated records. Derived: computed with the linear loop "
+        "from the parts' noise densities and the rounding of the converters. 0: the fit found no such noise. With all "
+        "sources off, the beat of the re-timed reference edges with their 1 MHz grid remains; the linear loop does not "
+        "model it.",
         (1, 2, 3, 4, 5, 6),
     )  # fmt: skip
 
 
 def law_table(rows):
     return Table(
-        "Scale factor against the two laws",
-        ("set", "ye1 left (deg)", "xe2' left (deg)", "K (LSB per deg/s)", "K / case 5", "less 1/cos(ye1 + xe2') (ppm)",
-         "less eq (12), 1/cos(ye1) (ppm)"),
+        "Scale factor compared with two laws",
+        ("set", "residual ye1 (deg)", "residual xe2' (deg)", "K (LSB per deg/s)", "K over K of case 5",
+         "deviation from 1/cos(ye1 + xe2') (ppm)", "deviation from eq (12), 1/cos(ye1) (ppm)"),
         [
             (r["name"], f"{r['deg']['ye1']:.4f}", f"{r['deg']['xe2']:.4f}", f"{r['lsb_per_dps']:.3f}",
              f"{r['ratio']:.6f}", f"{r['law_ppm']:+.1f}", f"{r['eq12_ppm']:+.1f}")
@@ -107,20 +113,20 @@ def law_table(rows):
 
 
 POINT_COLUMNS = (
-    ("scale_lsb_per_dps", "K (LSB per deg/s)", 6),
-    ("nonlinearity_ppm", "nonlin. (ppm)", 4),
-    ("asymmetry_ppm", "asym. (ppm)", 4),
+    ("scale_lsb_per_dps", "scale factor (LSB per deg/s)", 6),
+    ("nonlinearity_ppm", "nonlinearity (ppm)", 4),
+    ("asymmetry_ppm", "asymmetry (ppm)", 4),
     ("quadrature_v", "V_q (V)", 5),
     ("bias_dps", "bias (deg/s)", 4),
-    ("bandwidth_hz", "BW (Hz)", 4),
-    ("bandwidth_swept_hz", "BW swept (Hz)", 4),
+    ("bandwidth_hz", "bandwidth, multisine (Hz)", 4),
+    ("bandwidth_swept_hz", "bandwidth, sweep (Hz)", 4),
     ("arw_deg_per_rt_h", "ARW (deg/sqrt(h))", 4),
-    ("instability_deg_per_h", "BI fit (deg/h)", 3),
-    ("floor_deg_per_h", "floor (deg/h)", 3),
-    ("floor_low_deg_per_h", "low", 3),
-    ("floor_high_deg_per_h", "high", 3),
-    ("frequency_hz", "f_d (Hz)", 9),
-    ("drive_v", "A_d (V)", 5),
+    ("instability_deg_per_h", "bias instability, fit (deg/h)", 3),
+    ("floor_deg_per_h", "Allan minimum (deg/h)", 3),
+    ("floor_low_deg_per_h", "Allan minimum, lower limit (deg/h)", 3),
+    ("floor_high_deg_per_h", "Allan minimum, upper limit (deg/h)", 3),
+    ("frequency_hz", "drive frequency (Hz)", 9),
+    ("drive_v", "drive amplitude A_d (V)", 5),
 )
 
 
@@ -133,7 +139,7 @@ def points_table(points):
         "Five cases at three temperatures",
         ("point", *(head for _, head, _ in POINT_COLUMNS)),
         rows,
-        "floor: least overlapping Allan deviation with its 68 % limits; BI fit: 0.664 B of the fitted flicker.",
+        "Allan minimum: least overlapping Allan deviation, with 68 % limits. Bias instability: 0.664 B of the fit.",
         tuple(range(1, len(POINT_COLUMNS) + 1)),
     )
 
@@ -173,8 +179,8 @@ def response_difference(points, configs):
 
 def response_table(differences_by_case):
     return Table(
-        "Response of the simulated gyroscope less the linear loop, 0.5 to 60 Hz",
-        ("case", "largest (dB)", "largest (deg)"),
+        "Response of the simulated gyroscope minus that of the linear loop, 0.5 to 60 Hz",
+        ("case", "largest difference (dB)", "largest difference (deg)"),
         [(case, f"{db:.4f}", f"{deg:.3f}") for case, (db, deg) in differences_by_case.items()],
         numeric=(1, 2),
     )
@@ -184,17 +190,29 @@ def temperature_table(config):
     limits = temperature.drift_limits_k(config)
     grid = temperature.phases(config, (-20.0, 25.0, 50.0))
     rows = [
-        (node, *(f"{v:.4f}" for v in grid[node]), *("beyond 80" if math.isinf(k) else f"{k:g}" for k in limits[node]))
+        (
+            node,
+            *(f"{v:.4f}" for v in grid[node]),
+            *("more than 80" if math.isinf(k) else f"{k:g}" for k in limits[node]),
+        )
         for node in NODES
     ]
     band = min(k for pair in limits.values() for k in pair)
     after = temperature.rise_after_s(record_phases.SELF_HEATING_K, config.plant.warm_up_tau_s, band)
     return Table(
-        "Phases over temperature, and how far a calibration holds",
-        ("phase", "-20 degC (deg)", "25 degC (deg)", "50 degC (deg)", "12 mdeg below 25 degC after (K)", "above (K)"),
+        "Phases over temperature, and temperature range of a calibration",
+        (
+            "phase",
+            "-20 degC (deg)",
+            "25 degC (deg)",
+            "50 degC (deg)",
+            "cooling from 25 degC to 12 mdeg of drift (K)",
+            "heating to 12 mdeg of drift (K)",
+        ),
         rows,
-        f"The first phase leaves the paper's level after {band:g} K. With {record_phases.SELF_HEATING_K:g} K of "
-        f"self-heating (assumed) a calibration made warm holds from {after:.0f} s after power-on.",
+        f"A change of {band:g} K moves the first phase by more than the paper's level. With "
+        f"{record_phases.SELF_HEATING_K:g} K of self-heating (assumed), a calibration of the warm device is valid from "
+        f"{after:.0f} s after power-on.",
         (1, 2, 3, 4, 5),
     )
 
@@ -217,14 +235,13 @@ def rail_table(explained, wide):
     ]  # fmt: skip
     return Table(
         "Nonlinearity of cases 1 to 3 (ppm of 500 deg/s)",
-        ("point", "measured", "1 sigma", "rates between the rails", "by the rails alone",
-         "ceiling from (deg/s)", "0 V from (deg/s)",
-         f"V_q's span x {phase_laws.SPAN_PART:g}"),
+        ("point", "measured", "1 sigma", "rates without V_q saturation", "computed from V_q saturation",
+         "V_q at its ceiling from (deg/s)", "V_q at 0 V from (deg/s)",
+         f"measured, V_q span x {phase_laws.SPAN_PART:g}"),
         rows,
-        "By the rails alone: behind the rate at which V_q reaches its ceiling, or 0, the slope grows by "
-        "tan(ye1 + xe2') tan(ye2' - xe2'), phases as they were calibrated and as they drift, ye2' less the sense "
-        "mode's own "
-        "lead; nothing is fitted. The largest residual of noise alone is about two sigma.",
+        "Computed from V_q saturation: beyond the rate at which V_q reaches its ceiling or 0 V, the slope grows by "
+        "tan(ye1 + xe2') tan(ye2' - xe2'). The phases are the calibrated ones with their drift; the lead of the sense "
+        "mode is subtracted from ye2'. Nothing is fitted. Noise alone gives a largest residual of about two sigma.",
         (1, 2, 3, 4, 5, 6, 7),
     )  # fmt: skip
 
@@ -236,6 +253,6 @@ def changes_table(points):
         "The paper's Table 5 from the model: relative change at each compensation",
         ("compensation", "degC", "scale factor", "bias", "V_q", "ARW", "bandwidth"),
         rows,
-        "|after - before| / |before|. ARW and bandwidth differ within their own uncertainty.",
+        "|after - before| / |before|. The changes of ARW and bandwidth are within their uncertainty.",
         (1, 2, 3, 4, 5, 6),
     )

@@ -56,8 +56,8 @@ def check(config):
             if getattr(section_config, key) != value:
                 value_text = short_toml(getattr(section_config, key))
                 raise ConfigError(
-                    f"{section}.{key} = {value_text}: the study of the paper sets [{section}] itself; leave it out or "
-                    f"at {short_toml(value)}; --rest-s, --record-s and --out are its options"
+                    f"{section}.{key} = {value_text}: the study of the paper sets [{section}] itself; remove this "
+                    f"key or set it to {short_toml(value)}, and use --rest-s, --record-s and --out"
                 )
 
 
@@ -84,7 +84,7 @@ class Study:
 
     def lock_folder(self):
         """Be the one process at work in the folder, or FileError that says who is; for `with`."""
-        return hold_lock(self.directory / "lock", f"{self.directory}: another study is at work here")
+        return hold_lock(self.directory / "lock", f"{self.directory}: another study is running in this folder")
 
     def run(self):
         """Do all stages, those that do not need each other at the same time; the longest begin first."""

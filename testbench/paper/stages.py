@@ -103,7 +103,7 @@ class Stages:
         for job in jobs:
             stage_files[job.name] = stage_files[job.name] or _read_stage(self._path(job), self._job_digest(job))
             if stage_files[job.name] is None:
-                raise FileError(f"{self._path(job)}: was changed while the study ran")
+                raise FileError(f"{self._path(job)}: the file changed while the study ran; start the command again")
         return {name: stage_file.result for name, stage_file in stage_files.items()}
 
     @property

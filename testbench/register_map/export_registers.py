@@ -35,7 +35,7 @@ def _package(name):
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise ConfigError(f"{name}: not installed; pip install 'ftr-gyro[registers]'") from None
+        raise ConfigError(f"{name}: not installed; run pip install '.[registers]' in the clone") from None
 
 
 def compiled(path):

@@ -158,7 +158,11 @@ def _amplifiers(config, temp_degc, f_hz):
 
 
 def budget(config, temp_degc=None, frequency_hz=None):
-    """Budget of a configuration at `temp_degc` (default: the scenario's first) and at a frequency (default: f_x)."""
+    """Phase budget of a configuration; `node_deg()` of it has the four lags in degrees.
+
+    temp_degc     None: the scenario's first temperature
+    frequency_hz  None: f_x
+    """
     start = require_config(config).scenario.temperature_degc
     if temp_degc is None:
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]

@@ -126,7 +126,12 @@ def lock_limit_s(config):
 
 
 def start(config, sim, rate_rad_s, temp_degc, progress=None, limit_s=None):
-    """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None."""
+    """From power-on to lock: writes what the configuration sets, then waits. Returns the time of lock (s) or None.
+
+    sim         `Simulation` at power-on
+    rate_rad_s  one number; so is temp_degc
+    limit_s     time of power-on to give up; None: `lock_limit_s`
+    """
     limit_s = (
         lock_limit_s(require_config(config)) if limit_s is None else number("limit_s", limit_s, 0.0, MOST_LOCK_S, "s")
     )
@@ -426,6 +431,7 @@ class Run:
 def run(config, progress=None, directory=None, resume=False, sinks=()):
     """Do a whole run; returns `Result`.
 
+    config     `Config`; its scenario has rate and temperature
     directory  where rows and checkpoints are kept meanwhile; None: rows stay in memory, for runs of seconds
     resume     continue the interrupted run in `directory`, of the same configuration
     sinks      objects that get the rows of the scenario, and of nothing else (`simulation`)

@@ -67,6 +67,7 @@ def runner(name):
 class Simulation:
     """A state, and the streams of everything that happened to it.
 
+    config                      `Config` of `config.load`
     temp_lo_degc, temp_hi_degc  range of ambient temperatures of the run; `advance` takes no other
     window                      (first tick, ticks) whose registers are kept in `rows`
     engine                      name of the engine instead of that of the configuration
@@ -154,7 +155,11 @@ class Simulation:
         return self.state.fpga.control.sequencer.state == sequencer.LOCKED
 
     def write(self, name, raw):
-        """Host write of a register at the next edge, which takes one tick; over the SPI pins those of its frame too."""
+        """Host write of a register at the next edge, which takes one tick; over the SPI pins those of its frame too.
+
+        name  register of the map, such as "ftr_preset"
+        raw   int within the register's format, in LSB
+        """
         formats = scenario.writable_registers()
         if not isinstance(name, str) or name not in formats:
             raise ConfigError(f"write: {name!r} is not a writable register; {scenario.nearest(name, formats)}")
@@ -172,7 +177,13 @@ class Simulation:
         return rate, series("temp_degc", temp_degc, *self.temps_degc, "degC, which this Simulation was built for")
 
     def advance(self, ticks, rate_rad_s, temp_degc, probe_ticks=0, progress=None):
-        """Run `ticks` ticks at constant rate and temperature, or with arrays of one value per frame begun."""
+        """Run `ticks` ticks; returns the `Streams` of the last probe, or None.
+
+        ticks        int, ticks of 1 us
+        rate_rad_s   number, or array (frames begun,): one value for each 8 kHz frame
+        temp_degc    ambient temperature, number or array (frames begun,)
+        probe_ticks  the last ticks whose plant signals are kept for `read_out`
+        """
         ticks = integer("ticks", ticks, 0, MOST_TICKS - self.tick, "ticks")
         probe_ticks = integer("probe_ticks", probe_ticks, 0, ticks, "ticks")
         rate, temp = self.conditions(rate_rad_s, temp_degc)

@@ -14,16 +14,18 @@ from testbench.console.show import print_json, print_list, print_tables
 
 
 def study(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Plan with an axis of designs and one of seeds.")],
+    plan: Annotated[
+        Path, typer.Argument(metavar="PLAN.toml", help="Plan with an axis of designs and an axis of seeds.")
+    ],
     out: Annotated[Path, typer.Option("--out", metavar="STORE", help="Folder of points, predictions and page.")],
     sets: Sets = None,
     engine_options: Engines = None,
     workers: Annotated[
-        int | None, typer.Option(min=0, help="Processes here, 0: this one; all cores if left out.")
+        int | None, typer.Option(min=0, help="Worker processes; 0: only this one; default: one per core.")
     ] = None,
     as_json: Json = False,
 ):
-    """Study word lengths: predict, run, compare. The same command continues after any interruption."""
+    """Study word lengths: predict, run, compare. The same command continues after an interruption."""
     from testbench.campaign.campaign_progress import Progress
     from testbench.campaign.cli import local
     from testbench.study import study as studies

@@ -42,7 +42,7 @@ class Board:
         self.sim.keep_rows = self.sim.keep_codes = False
         self.lock_s = simulate.start(config, self.sim, 0.0, self.temp_degc)
         if self.lock_s is None:
-            raise ConfigError(f"study: no lock within {simulate.lock_limit_s(config):g} s")
+            raise ConfigError(f"study: the gyroscope does not lock within {simulate.lock_limit_s(config):g} s")
         self.wait(SETTLE_S)
 
     @property

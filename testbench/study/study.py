@@ -47,9 +47,11 @@ def read(path, sets=(), engine_options=()):
     plan = plans.read(path, sets, engine_options)
     axes = {axis.name: axis for axis in plan.axes}
     if set(axes) != set(AXES) or not axes["design"].cases or list(axes["seed"].values) != ["noise.seed"]:
-        raise ConfigError(f"{path}: a study has the axes seed, of noise.seed alone, and design, of cases")
+        raise ConfigError(
+            f"{path}: a study needs exactly two axes: seed, with noise.seed alone, and design, with cases"
+        )
     if TAU_S not in plan.keep.tau_s:
-        raise ConfigError(f"{path}: [keep] tau_s = {list(plan.keep.tau_s)} lacks {TAU_S:g} s")
+        raise ConfigError(f"{path}: [keep] tau_s = {list(plan.keep.tau_s)} lacks {TAU_S:g} s, which a study needs")
     return plan
 
 

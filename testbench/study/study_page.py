@@ -24,14 +24,18 @@ def _verdict(result):
     share = max((row[3].arw_share for row in rows), default=0.0)
     lines = [
         (
-            "designs under the rule",
+            "designs for which the rule holds",
             f"{len(rule_rows)} of {len(rows)}",
-            "half",
+            "at least half",
             "yes" if 2 * len(rule_rows) >= len(rows) else "no",
         ),
         ("standard error of the ARW", f"{100 * share:.2f} %", "3 %", "yes" if share < 0.03 else "no"),
     ]
-    texts = {"arw": ("ARW", 100, "%"), "noise": ("noise of the rate word", 100, "%"), "spur_db": ("line", 1, "dB")}
+    texts = {
+        "arw": ("ARW", 100, "%"),
+        "noise": ("noise of the rate word", 100, "%"),
+        "spur_db": ("largest line", 1, "dB"),
+    }
     for name, (text, factor, unit) in texts.items():
         worst = max(rule_rows, key=lambda row: abs(getattr(row[4], name)), default=None)
         if worst:
@@ -43,10 +47,10 @@ def _verdict(result):
     older = result.written.utc <= result.started_utc
     lines.append(("predictions written", result.written.utc, f"before {result.started_utc}", "yes" if older else "no"))
     note = (
-        f"SHA-256 of the predictions: {result.written.sha256}. The rule: input noise of ADC, force DAC and frequency "
-        f"word of {prediction.RULE_LSB:g} LSB or more."
+        f"SHA-256 of the predictions: {result.written.sha256}. The rule holds if the input noise of ADC, force DAC and "
+        f"frequency word is {prediction.RULE_LSB:g} LSB or more."
     )
-    return Table("Limits fixed before the run", ("what", "found", "limit", "kept"), lines, note, (1, 2))
+    return Table("Limits fixed before the run", ("what", "value", "limit", "met"), lines, note, (1, 2))
 
 
 def _comparison_table(result):
@@ -84,14 +88,15 @@ def _comparison_table(result):
         for case, p, _, s, d in result.rows
     ]
     note = (
-        "ARW in deg/sqrt(h), 0.5 to 5 Hz; n: harmonic of the drive frequency that is the largest line of the drive DAC"
+        "rule: whether the rule holds. ARW in deg/sqrt(h), 0.5 to 5 Hz. pred.: prediction, and the difference from it. "
+        "n: harmonic of the drive frequency that is the largest line of the drive DAC."
     )
     return Table("Noise and lines: simulation and prediction", heads, rows, note, tuple(range(2, len(heads))))
 
 
 def _figures(result):
-    heads = ("design", "keeps", "ARW %", "adev %", "scale ppm", "pred.", "bandwidth Hz", "pred.", "bias dps", "pred.",
-             "quadrature mdps", "registers", "multipliers", "tables")  # fmt: skip
+    heads = ("design", "keeps", "ARW %", "adev %", "scale ppm", "pred.", "bandwidth Hz", "pred.", "bias deg/s",
+             "pred.", "quadrature mdeg/s", "registers", "multipliers", "tables")  # fmt: skip
     first = next(iter(result.rows))[1]
     rows = [
         (
@@ -113,10 +118,10 @@ def _figures(result):
         for case, p, c, s, _ in result.rows
     ]
     note = (
-        f"ARW and Allan deviation at {study.TAU_S:g} s: rise over the first design, same noise. Keeps: both up by at "
-        f"most {100 * study.KEEP_SHARE:g} %, scale factor by {study.KEEP_PPM:g} ppm, bandwidth by "
-        f"{study.KEEP_HZ:g} Hz. "
-        "*: outside the rule, where a loop may rest in a dead band and look quiet"
+        f"ARW and Allan deviation (adev) at {study.TAU_S:g} s: rise over the first design with the same noise. keeps: "
+        f"both rise by at most {100 * study.KEEP_SHARE:g} %, the scale factor changes by at most {study.KEEP_PPM:g} "
+        f"ppm, the bandwidth by at most {study.KEEP_HZ:g} Hz. *: the rule does not hold; a loop may rest in a "
+        "dead band and appear quiet."
     )
     return Table("Figures and cost", heads, rows, note, tuple(range(2, len(heads))))
 
@@ -135,8 +140,10 @@ def _fronts(result):
         unchanged_rows = [row for row in rows if row[3].keeps]
         if unchanged_rows:
             least = min(unchanged_rows, key=lambda row: getattr(row[2], kind))
-            lines.append((kind, "least that keeps the figures", f"{least[0]} ({getattr(least[2], kind)})"))
-    return Table("Pareto fronts", ("cost in bits of", "loss", "designs"), lines, "Of the designs under the rule.", ())
+            lines.append((kind, "smallest that keeps the figures", f"{least[0]} ({getattr(least[2], kind)})"))
+    return Table(
+        "Pareto fronts", ("cost in bits of", "loss", "designs"), lines, "Only designs for which the rule holds.", ()
+    )
 
 
 def tables(result):
@@ -169,19 +176,23 @@ def write(result, folder):
 
     pictures = [
         (
-            "A dash is the prediction, a disk the simulation. Hollow: the rule does not hold.",
+            "Dash: prediction. Disk: simulation. Hollow disk: simulation of a design for which the rule does not hold.",
             study_pictures.prediction_comparison(result),
         ),
         (
-            "Each design by its bits; the stairs are the front that no other design beats.",
+            "Loss of each design over its bits. The steps are the Pareto front: no design is better in both.",
             study_pictures.fronts(result),
         ),
     ]
-    notes = [f"{row[0]}: outside the rule; ARW {100 * row[4].arw:+.1f} %" for row in result.rows if not row[1]["holds"]]
+    notes = [
+        f"{row[0]}: the rule does not hold; the ARW differs from the prediction by {100 * row[4].arw:+.1f} %"
+        for row in result.rows
+        if not row[1]["holds"]
+    ]
     page_tables = tables(result)
     text = "\n\n".join(f"## {table.title}\n\n{markdown(table)}\n\n{table.note}" for table in page_tables)
     path = folder / f"{result.name}.html"
     with atomic_outputs():
         write_text(folder / f"{result.name}.md", text + "\n")
-        report.write_html(path, "Word lengths", page_tables, pictures, notes or ("nothing to mind",))
+        report.write_html(path, "Word lengths", page_tables, pictures, notes or ("The rule holds for all designs.",))
     return path

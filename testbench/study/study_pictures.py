@@ -21,7 +21,7 @@ def prediction_comparison(result):
         ("noise of the\nrate word (LSB)", lambda p: p["noise_lsb"], lambda s: s.noise_lsb),
         ("largest line,\ndrive DAC (dBc)", lambda p: p["spur_dbc"], lambda s: s.spur_dbc),
         (
-            "scale factor\nmoved (ppm)",
+            "scale factor\nchange (ppm)",
             lambda p: 1e6 * (p["scale_lsb_per_dps"] / base[1]["scale_lsb_per_dps"] - 1),
             lambda s: s.scale_ppm,
         ),
@@ -46,7 +46,7 @@ def fronts(result):
     rows = list(result.rows)
     losses = (
         ("ARW rise (%)", [max(100 * row[3].arw_rise, 1e-2) for row in rows], 100 * KEEP_SHARE),
-        ("scale factor moved (ppm)", [max(abs(row[3].scale_ppm), 1.0) for row in rows], KEEP_PPM),
+        ("scale factor change (ppm)", [max(abs(row[3].scale_ppm), 1.0) for row in rows], KEEP_PPM),
     )
     keeps, holds = (np.array([pick(row) for row in rows]) for pick in (lambda r: r[3].keeps, lambda r: r[1]["holds"]))
     figure, axes = make_axes("Cost against loss", 9.0, len(losses), len(COSTS))
@@ -56,9 +56,11 @@ def fronts(result):
             loss = np.array(loss)
             rule_indices = np.flatnonzero(holds)
             best = rule_indices[front(price[rule_indices].tolist(), loss[rule_indices].tolist())]
-            axis.plot(price[best], loss[best], "-", color=GREY, drawstyle="steps-post", label="front, under the rule")
+            axis.plot(
+                price[best], loss[best], "-", color=GREY, drawstyle="steps-post", label="Pareto front, rule holds"
+            )
             axis.plot(price[keeps], loss[keeps], "o", color=BLUE, label="keeps all figures")
-            axis.plot(price[~keeps], loss[~keeps], "o", mfc="white", color=VERMILION, label="does not")
+            axis.plot(price[~keeps], loss[~keeps], "o", mfc="white", color=VERMILION, label="does not keep all figures")
             axis.axhline(limit, color=GREY, linestyle=":")
             axis.set_yscale("log")
             if kind == "tables":

@@ -74,10 +74,10 @@ def test_text_is_read_and_written_back(text):
         ("force_x = nan x", "finite"),
         ("force_x = 1 q", "none of"),
         ("force_x = 1 x^4 y^4", "more than 6"),
-        ("force_x = 1 cx", "cv_x and cv_y only"),
-        ("cv_x = 1 vx", "force ports only"),
+        ("force_x = 1 cx", "only at the ports cv_x and cv_y"),
+        ("cv_x = 1 vx", "only at the force ports"),
         ("force_x = 1 cos(2000) x", "outside"),
-        ("force_x = 1 lag(5) step(3) x", "twice"),
+        ("force_x = 1 lag(5) step(3) x", "duplicate factor lag"),
         ("force_x = 1 x^", "not a factor"),
     ],
 )

@@ -174,7 +174,9 @@ def _ports(manifest, kinds):
             except (KeyError, OverflowError, TypeError, ValueError):
                 raise FileError(f"manifest: {kind}: {port!r} is not a port with name and fmt [s, i, f]") from None
             if fmt.width != port.get("width", fmt.width):
-                raise FileError(f"manifest: port {name}: width {port['width']} bits differs from the {fmt.width} of format {fmt}")
+                raise FileError(
+                    f"manifest: port {name}: width {port['width']} bits differs from the {fmt.width} of format {fmt}"
+                )
             if not 0 < fmt.width <= MAX_WIDTH:
                 raise FileError(f"manifest: port {name}: {fmt.width} bits, the limit is {MAX_WIDTH} bits")
             port_formats[name] = (fmt, reset)

@@ -62,7 +62,7 @@ class _Lists:
     def read(self, path, enclosing_lists=()):
         path = Path(path)
         if path.resolve() in enclosing_lists:
-            raise FileError(f"{path}: the list includes itself")
+            raise FileError(f"{path}: the list names itself")
         if len(enclosing_lists) == MOST_LISTS:
             raise FileError(f"{path}: lists are nested more than {MOST_LISTS} deep")
         for number, line in read_lines(path):
@@ -86,7 +86,7 @@ class _Lists:
         elif word.startswith(("+define+", "-D")):
             self.defines += word.split("+")[2:] if word[0] == "+" else [word[2:] or words.pop(0)]
         elif word[0] in "+-":
-            raise FileError(f"{where}: {word} is not one of +incdir+, +define+, -I, -D, -work, -f")
+            raise FileError(f"{where}: {word} is none of +incdir+, +define+, -I, -D, -work, -f")
         else:
             source_path = self.resolve_path(word, path, where)
             if source_path.suffix in HEADERS:

@@ -296,7 +296,7 @@ def analyse(block, params):
         proven = (min(lo for lo, _ in box_intervals), max(hi for _, hi in box_intervals))
         step = (min(lo for lo, _ in step_intervals), max(hi for _, hi in step_intervals))
         if not (port.fmt.holds(step[0]) and port.fmt.holds(step[1])):
-            problems.append(f"{port.name}: {step[0]} .. {step[1]} exceeds {port.fmt}; not proven, only its width")
+            problems.append(f"{port.name}: {step[0]} .. {step[1]} exceeds {port.fmt}; not proven: width only")
             proven = None
         registers.append(Range(port.name, port.fmt, proven, step))
     if not problems and not _is_closed_by_edge(after, boxes):

@@ -90,11 +90,11 @@ def describe_shadowed_laws(problem):
         most = max(fixed, key=fixed.get)
         if free < SHADOWED * fixed[most]:
             shadowed.setdefault(problem.nuisances[most].name, []).append(
-                f"{law.name} ({free / fixed[most]:.0%} of its size remains visible)"
+                f"{law.name} ({free / fixed[most]:.0%} of its size remains)"
             )
     return tuple(
-        f"not identifiable together with {key}: {', '.join(names)}; to fix it: a second amplitude at two temperatures or "
-        f"more ({conditions})"
+        f"not identifiable together with {key}: {', '.join(names)}; to fix it: a second amplitude at two temperatures "
+        f"or more ({conditions})"
         for key, names in shadowed.items()
     )
 

@@ -24,7 +24,7 @@ def libraries():
         import pyarrow
         import pyarrow.parquet as parquet
     except ImportError:
-        raise FileError("Parquet needs the package pyarrow: pip install 'ftr-gyro[campaign]'") from None
+        raise FileError("Parquet needs the package pyarrow: run pip install '.[campaign]' in the clone") from None
     return pyarrow, parquet
 
 

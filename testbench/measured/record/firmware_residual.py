@@ -103,7 +103,7 @@ def unreplayable(record, config):
     """Why the firmware cannot be replayed, or ""."""
     if not schema.has_supported_map(record):
         stated = record.attrs["regmap_sha256"][:16]
-        return f"skipped, regmap_sha256 {stated} is not that of this version: the firmware differs"
+        return f"skipped, regmap_sha256 {stated} is not that of this version; it belongs to another firmware"
     if config.firmware.board != "analog_sid":
         return "firmware.board = digital_sid, and a record does not contain its samples"
     for session in sessions(record):

@@ -88,7 +88,7 @@ class Bench:
         self.rate_dps, self.temp_degc = rate_dps, temp_degc
         self.offset_codes = self._offsets(config)
         if simulate.start(config, self._sim, rate_dps * DEG, temp_degc) is None:
-            raise ConfigError(f"bench: the board does not lock within {simulate.lock_limit_s(config):g} s")
+            raise ConfigError(f"calibration: the board does not lock within {simulate.lock_limit_s(config):g} s")
         ready = self._ticks(READY_S * self.pace)
         if self._sim.tick < ready:
             self._run(ready - self._sim.tick)

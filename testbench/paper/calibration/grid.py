@@ -70,7 +70,7 @@ def start(words, stamps, offset, grid):
     half = grid.turn // 2
     stamps = stamps[(stamps >= 0) & (stamps * grid.clocks < len(words) * grid.frame_clocks)]
     if not len(stamps):
-        raise ValueError(f"stamps: none within the {len(words)} frames of the words")
+        raise ValueError(f"edge times: none is within the {len(words)} recorded frames")
     frame, inside = np.divmod(stamps * grid.clocks, grid.frame_clocks)
     least = -(_phases(words, grid)[frame] + words[frame] * inside + offset) % half
     off = (least - least[0] + half // 2) % half - half // 2
@@ -78,7 +78,9 @@ def start(words, stamps, offset, grid):
     low, high = int(off.max()), int(off.min()) + step
     if high - low < -SLACK * step:
         mismatch_steps = (low - high) / step
-        raise ValueError(f"stamps: edges disagree with the words by {mismatch_steps:.2g} of the grid, limit {SLACK}")
+        raise ValueError(
+            f"edge times: differ from the frequency words by {mismatch_steps:.2g} grid steps, limit {SLACK}"
+        )
     return Start(*sorted((int(least[0]) + low, int(least[0]) + high)))
 
 

@@ -16,15 +16,15 @@ from testbench.console.show import print_json, print_list, print_tables
 class InferOptions(NamedTuple):
     """Options of `gyro report infer`."""
 
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the page, the board and the JSON.")] = (
-        Path("out/inference")
-    )
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the page, the board and the JSON file.")
+    ] = Path("out/inference")
     as_json: Json = False
 
 
 @takes(InferOptions)
 def infer(o):
-    """Which boards could have given the paper's numbers: posterior, held-out rows, the most probable one."""
+    """Infer which boards explain the paper's numbers: posterior, held-out rows and the most probable board."""
     from testbench.run import outputs
 
     outputs.check_folder(o.out)

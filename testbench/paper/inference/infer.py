@@ -169,7 +169,9 @@ def posterior(data, rng, draws=1000, least=LEAST_SIZE):
         post = _draw_posterior(data, rng, times * draws, optima)
         if post.size >= least:
             return post
-    raise ConfigError(f"inference: {times * draws} draws are worth {post.size:.0f}, fewer than {least:g}")
+    raise ConfigError(
+        f"inference: {times * draws} weighted draws have an effective number of {post.size:.0f}, limit {least:g}"
+    )
 
 
 def _draw_posterior(data, rng, draws, optima):

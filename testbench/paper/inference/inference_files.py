@@ -29,7 +29,7 @@ def toml_text(results, json_name):
     """The most probable board as TOML, with the ranked modes as comments."""
     chosen, lines = results["board"], []
     lines += ["# The most probable board for the paper's numbers, written by `gyro report infer`; not a measurement."]
-    lines += [f"# Posterior, covariance, held-out rows: {json_name}. What it is worth: docs/inference.md.", "#"]
+    lines += [f"# Posterior, covariance, held-out rows: {json_name}. Limits: docs/inference.md.", "#"]
     lines += ["# Modes, most probable first: " + ", ".join(c.name for c in priors.CHOICES)]
     for mode in results["modes"]:
         choices = ", ".join(str(mode["choices"][c.name]) for c in priors.CHOICES)

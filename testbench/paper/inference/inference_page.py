@@ -29,13 +29,13 @@ def summary(results):
     best, turned = results["measurements"][0], results["other_sign"]
     signs = ", ".join(f"{c['p']:.2f} ({c['fold']}, {c['verdict']})" for c in turned)
     return [
-        f"chi2 of 19 fitted rows: {before:.4g} of the default board, {after:.3g} of the most probable board.",
+        f"chi2 of 19 fitted rows: {before:.4g} for the default board, {after:.3g} for the most probable board.",
         f"{inside} of {len(results['held_out'])} held-out predictions are within their 90 % interval.",
-        f"Decided, above {1 - inference_study.EXCLUDED:g}: {', '.join(sure)}.",
-        f"Contradicted, p below 0.01: {', '.join(wrong)}.",
-        *([f"With a minus sign before the bias at 50 degC p of the bias would be {signs}."] if turned else []),
-        f"{results['open_bits']:.2f} bits about the discrete assumptions are open. The best measurement is worth "
-        f"{best['mode_bits']:.2f}: {best['name']}.",
+        f"Assumptions with a probability above {1 - inference_study.EXCLUDED:g}: {', '.join(sure)}.",
+        f"Contradicted classes, with p below 0.01: {', '.join(wrong)}.",
+        *([f"With a minus sign before the bias at 50 degC, p of the bias would be {signs}."] if turned else []),
+        f"{results['open_bits']:.2f} bits about the discrete assumptions are undecided. The best measurement is "
+        f"expected to give {best['mode_bits']:.2f} of them: {best['name']}.",
     ]
 
 
@@ -44,7 +44,7 @@ def modes_table(results):
     rows = [
         (f"{m['weight']:.3f}", f"{m['chi2']:.1f}", *(str(m["choices"][n]) for n in names)) for m in results["modes"]
     ]
-    note = "Probability by Laplace's approximation; chi2 of 19 rows."
+    note = "Probability from Laplace's approximation; chi2 of 19 rows."
     return Table("Modes", ("probability", "chi2", *names), rows, note, tuple(range(len(names) + 2)))
 
 
@@ -54,7 +54,9 @@ def choices_table(results):
         for c in results["choices"]
         for value, p in c["probability"].items()
     ]
-    return Table("Discrete assumptions", ("assumption", "choice", "posterior", "", "meaning"), rows, numeric=(1, 2))
+    return Table(
+        "Discrete assumptions", ("assumption", "choice", "posterior", "result", "meaning"), rows, numeric=(1, 2)
+    )
 
 
 def numbers_table(results):
@@ -64,9 +66,9 @@ def numbers_table(results):
         for n in results["numbers"]
     ]  # fmt: skip
     note = (
-        "Shift and width in standard deviations of the prior. carried: width below "
-        f"{inference_study.INFORMED_WIDTH:g}; strained: shift "
-        f"beyond {inference_study.STRAINED:g}; open: the rows say little."
+        "Shift and width are in standard deviations of the prior. carried: the rows determine the number, width below "
+        f"{inference_study.INFORMED_WIDTH:g}; strained: shift beyond {inference_study.STRAINED:g}; open: the rows say "
+        "little about the number."
     )
     heads = (
         "number",
@@ -79,7 +81,7 @@ def numbers_table(results):
         "shift",
         "width",
         "verdict",
-        "prior by",
+        "reason for the prior",
     )
     return Table("Assumed numbers: posterior against prior", heads, rows, note, tuple(range(2, 9)))
 
@@ -91,9 +93,12 @@ def rows_table(results):
         pulls = [f"{(value - r['paper']) / r['sigma']:+.1f}" for value in model_values]
         cells = (_text(r["before"], 5), pulls[0], _text(r["after"], 5), pulls[1], YES[r["fitted"]])
         rows.append((r["name"], r["unit"], f"{r['paper']:g}", _text(r["sigma"], 2), *cells))
-    note = "Pull: model less paper over the paper's standard uncertainty. Both boards by budget and linear loops."
+    note = (
+        "Pull: model minus paper, over the paper's standard uncertainty. Both boards are computed with the phase "
+        "budget and the linear loops."
+    )
     heads = ("row", "unit", "paper", "sigma", "default", "pull", "most probable", "pull", "fitted")
-    return Table("Rows before and after", heads, rows, note, tuple(range(2, 8)))
+    return Table("Rows of the default and of the most probable board", heads, rows, note, tuple(range(2, 8)))
 
 
 def heldout_rows_table(results):
@@ -109,7 +114,9 @@ def heldout_rows_table(results):
     ]
     inside = sum(r["inside"] for r in results["held_out"])
     heads = ("left out", "row", "paper", "5 %", "50 %", "95 %", "inside")
-    return Table("Held-out rows", heads, rows, f"{inside} of {len(rows)} inside.", (2, 3, 4, 5))
+    return Table(
+        "Held-out rows", heads, rows, f"{inside} of {len(rows)} rows are inside their 90 % interval.", (2, 3, 4, 5)
+    )
 
 
 def classes_table(results):
@@ -118,8 +125,9 @@ def classes_table(results):
          _text(c["width"], 2), c["verdict"]) for c in results["classes"]
     ]  # fmt: skip
     note = (
-        "Squared distance from the predicted numbers in their covariance; p: share of predictions as far away; width: "
-        "largest standard deviation predicted, in the paper's own. covered: inside, but too wide to say much."
+        "D^2: squared distance from the mean prediction, scaled by the predicted covariance. p: share of predictions "
+        "at least as far away. width: largest predicted standard deviation over the paper's. covered: not "
+        "contradicted, but the prediction is too wide to be informative."
     )
     heads = ("left out", "class", "D^2", "rows", "p", "width", "verdict")
     return Table("Held-out classes", heads, rows, note, (2, 3, 4, 5))
@@ -131,9 +139,15 @@ def changes_table(results):
         (c["group"], f"{c['name']} ({c['unit']})", _text(c["before"]), _text(c["after"]), f"{c['moved']:+.2f}",
          f"{c['without']:.3g}", f"{c['together']:.3g}") for c in results["changes"] if c["group"] in wrong
     ]  # fmt: skip
-    note = "What a written register would have to do to a part. moved: in standard deviations of its prior."
+    note = "The change that writing a register would have to cause. moved: in standard deviations of the prior."
     heads = ("class", "number", "before", "after", "moved", "chi2 without", "chi2 with")
-    return Table("Contradicted changes: the smallest change that would meet them", heads, rows, note, (2, 3, 4, 5, 6))
+    return Table(
+        "Contradicted changes between cases: the smallest change of a number that would explain them",
+        heads,
+        rows,
+        note,
+        (2, 3, 4, 5, 6),
+    )
 
 
 def heldout_changes_table(results):
@@ -142,11 +156,17 @@ def heldout_changes_table(results):
          f"{m['moved']:+.2f}", f"{m['without']:.3f}", f"{m['together']:.3f}") for m in results["changes_at_temperature"]
     ]  # fmt: skip
     note = (
-        "What a part would have to be at the temperature that is left out, and at no other: the least with which no "
-        "class is contradicted there. moved: in standard deviations of its prior."
+        "The smallest change of a number, only at the temperature that is left out, with which no class is "
+        "contradicted there. moved: in standard deviations of the prior."
     )
     heads = ("left out", "class", "number", "before", "after", "moved", "p without", "p with")
-    return Table("Contradicted where a temperature is left out: the smallest change", heads, rows, note, range(3, 8))
+    return Table(
+        "Contradicted at a temperature that is left out: the smallest change that would explain it",
+        heads,
+        rows,
+        note,
+        range(3, 8),
+    )
 
 
 def sign_table(results):
@@ -154,9 +174,9 @@ def sign_table(results):
         (c["fold"], c["group"], f"{c['p_as_printed']:.3f}", f"{c['p']:.3f}", f"{c['distance']:.3g}",
          _text(c["width"], 2), c["verdict"]) for c in results["other_sign"]
     ]  # fmt: skip
-    note = "The same with a minus sign before the bias at 50 degC, which the text prints without one."
-    heads = ("left out", "class", "p as printed", "p with the sign", "D^2", "width", "verdict")
-    return Table("With the other sign at 50 degC", heads, rows, note, range(2, 6))
+    note = "The same comparison with a minus sign before the bias at 50 degC. The paper prints it without one."
+    heads = ("left out", "class", "p as printed", "p with minus sign", "D^2", "width", "verdict")
+    return Table("With a minus sign before the bias at 50 degC", heads, rows, note, range(2, 6))
 
 
 def measurements_table(results):
@@ -164,9 +184,9 @@ def measurements_table(results):
         (m["name"], m["unit"], _text(m["sigma"], 2), _text(m["predicted"]), _text(m["spread"], 2),
          f"{m['mode_bits']:.2f}", f"{m['number_bits']:.1f}") for m in results["measurements"]
     ]  # fmt: skip
-    note = f"{results['open_bits']:.2f} bits are open about the discrete assumptions."
-    heads = ("measurement", "unit", "error", "predicted", "+-", "bits about assumptions", "bits about itself")
-    return Table("Which measurement would decide", heads, rows, note, (2, 3, 4, 5, 6))
+    note = f"{results['open_bits']:.2f} bits about the discrete assumptions are undecided."
+    heads = ("measurement", "unit", "error", "predicted", "+-", "bits about assumptions", "bits about the quantity")
+    return Table("Measurements that would decide", heads, rows, note, (2, 3, 4, 5, 6))
 
 
 TABLES = (classes_table, changes_table, heldout_changes_table, sign_table, measurements_table, choices_table,
@@ -183,13 +203,13 @@ def widths_picture(results):
         axis.errorbar(n["shift"], k, xerr=1.645 * n["width"], fmt="o", color=color, capsize=3)
     axis.set_yticks(range(len(numbers)), [n["name"] for n in numbers])
     axis.set_ylim(-1, len(numbers))
-    name_axes(axis, "blue: the rows carry it; red: strained; grey: open", "", "lower right")
+    name_axes(axis, "blue: carried, the rows determine it; red: strained; grey: open", "", "lower right")
     return figure
 
 
 def pulls_picture(results):
     """Pulls of the fitted rows, default and most probable board."""
-    figure, axes = make_axes("Fitted rows: model less paper", 6.5)
+    figure, axes = make_axes("Fitted rows: model minus paper", 6.5)
     axis = axes[0, 0]
     fitted = [r for r in results["rows"] if r["fitted"]][::-1]
     for name, color, mark in (("before", GREY, "s"), ("after", BLUE, "o")):
@@ -205,6 +225,9 @@ def pulls_picture(results):
 
 def write(results, path):
     """Write the page; returns its path."""
-    pictures = [("Rows before and after", pulls_picture(results)), ("What the rows carry", widths_picture(results))]
+    pictures = [
+        ("Fitted rows of the default and of the most probable board", pulls_picture(results)),
+        ("Numbers that the rows determine", widths_picture(results)),
+    ]
     title = "Which board gave the paper's numbers"
     return write_html(path, title, [table(results) for table in TABLES], pictures, summary(results))

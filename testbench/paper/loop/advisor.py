@@ -198,12 +198,12 @@ def warnings(p: LoopParameters, a: Advice, band_hz=BAND_HZ):
     """What to mind, one line each: number, limit, reason."""
     out = []
     if not a.stable:
-        kind = f"oscillates at {a.growth_hz:.1f} Hz" if a.growth_hz > 0.5 else "runs away"
-        out.append(f"unstable: {kind}, growing by e every {1e3 * a.growth_tau_s:.3g} ms")
+        kind = f"oscillates at {a.growth_hz:.1f} Hz" if a.growth_hz > 0.5 else "diverges"
+        out.append(f"unstable: {kind}, growing by a factor of e every {1e3 * a.growth_tau_s:.3g} ms")
         if p.split_hz * p.word_ki * p.cv_v_per_m * p.k_vf_n_per_v < 0:
             out.append(
-                f"split {p.split_hz:.1f} Hz has the other sign than that of the nominal board, for which the loops "
-                "are made"
+                f"split {p.split_hz:.1f} Hz has the opposite sign of the nominal board's split, for which the loops "
+                "are designed"
             )
         return tuple(out)
     lag = p.sid_stages * math.degrees(math.atan(abs(p.split_hz) / p.sid_hz))
@@ -222,21 +222,24 @@ def warnings(p: LoopParameters, a: Advice, band_hz=BAND_HZ):
     if a.bandwidth_hz is not None and not low_hz <= a.bandwidth_hz <= high_hz:
         out.append(f"bandwidth {a.bandwidth_hz:.1f} Hz is outside {low_hz:g} .. {high_hz:g} Hz")
     if a.ring_tau_s is not None and a.ring_tau_s > WARN["ring_tau_s"]:
-        out.append(f"the split rings for {a.ring_tau_s:.2f} s (tau), longer than {WARN['ring_tau_s']:g} s")
+        out.append(f"ringing at the split has a time constant of {a.ring_tau_s:.2f} s, above {WARN['ring_tau_s']:g} s")
     if a.split_db is not None and a.split_db > WARN["split_db"]:
-        out.append(f"{a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration will show")
+        out.append(
+            f"closed-loop gain {a.split_db:+.1f} dB at {a.ring_hz:.1f} Hz is above {WARN['split_db']:g} dB: vibration "
+            "at this frequency disturbs the rate"
+        )
     turn_deg = math.remainder(math.degrees(p.ye1_rad - p.sense_turn_rad + p.xe2_rad), 360.0)
     if abs(turn_deg) > WARN["leak_deg"]:
         off, leak = 100 / math.cos(lp.DEG * turn_deg) - 100, 100 * math.tan(lp.DEG * turn_deg)
         out.append(
-            f"ye1 + xe2' = {turn_deg:.2f} deg is above {WARN['leak_deg']:g} deg: scale factor {off:+.2f} %, and V_q "
-            f"must take up {leak:.1f} % of the rate"
+            f"ye1 + xe2' = {turn_deg:.2f} deg is above {WARN['leak_deg']:g} deg: the scale factor changes by "
+            f"{off:+.2f} %, and V_q must cancel {leak:.1f} % of the rate"
         )
     r = limit_cycles.resolution(p)
     if r.dither < WARN["dither_steps"]:
         out.append(
-            f"noise at the converter is {r.dither:.2f} of its step, below {WARN['dither_steps']:g}: rates within "
-            f"+-{3600 * r.adc_dead_band_dps:.1f} deg/h of the last one change nothing"
+            f"noise at the converter is {r.dither:.2f} of its step, below {WARN['dither_steps']:g}: changes of "
+            f"the rate within +-{3600 * r.adc_dead_band_dps:.1f} deg/h do not change the output"
         )
     return tuple(out)
 

@@ -39,7 +39,7 @@ def _run_profile(config, rate_dps):
     sim = Simulation(config, temp_degc, temp_degc)
     sim.keep_codes = sim.keep_rows = False
     if simulate.start(config, sim, float(rate_dps[0]) * DEG, temp_degc) is None:
-        raise ConfigError("confirm: the gyroscope did not lock")
+        raise ConfigError("loop simulation: the gyroscope did not lock")
     frame_ticks = sim.design.frame_ticks
     sim.advance(-sim.tick % frame_ticks, float(rate_dps[0]) * DEG, temp_degc)
     sim.keep_rows = True

@@ -207,13 +207,13 @@ def misprints(y: Mode, w_d, m_c, phi_ye1):
         Misprint(
             "text under (6)",
             "V_c k_vf sin(w t) sin(phi_ye1) cancels Coriolis",
-            "V_c k_vf sin(w t) cos(phi_ye1) does; cos(w t) sin(phi_ye1) leaks into quadrature",
+            "V_c k_vf sin(w t) cos(phi_ye1) cancels Coriolis; cos(w t) sin(phi_ye1) leaks into quadrature",
             ("share of the force that cancels Coriolis", in_phase[1], in_phase[0]),
         ),
         Misprint(
             "(7)",
             "sin(phi) N1 - cos(phi) N2, over 2 m_c",
-            "cos(phi) N2 - sin(phi) N1, over m, times what the demodulator does to a sine (1/2, 2/pi or 4/pi)",
+            "cos(phi) N2 - sin(phi) N1, over m, times the demodulator's gain for a sine (1/2, 2/pi or 4/pi)",
             ("gain at 0 Hz (m/N)", float(abs(gain[1])), float(gain[0])),
         ),
         Misprint(

@@ -18,14 +18,15 @@ def loop(
     config: ConfigFile = None,
     sets: Sets = None,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Play a multisine and a step through the engine, and compare.")
+        bool, typer.Option("--simulate", help="Simulate a multisine and a rate step, and compare with the analysis.")
     ] = False,
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="DIR", help="Write loop.html: pictures, maps, sensitivities.")
+        Path | None,
+        typer.Option("--report", metavar="DIR", help="Write loop.html to this folder: pictures, maps, sensitivities."),
     ] = None,
     as_json: Json = False,
 ):
-    """Advise on the force-to-rebalance loop: margins, peak, bandwidth, ring, rounding, and what to mind."""
+    """Analyse the force-to-rebalance loop: margins, peak, bandwidth, ringing, rounding, and warnings."""
     from testbench.run import outputs
 
     checked = load(config, overrides(sets))
@@ -48,6 +49,6 @@ def loop(
         print_json({**loop_page.as_json(study), "files": [written] if written else []})
         return
     print_tables(loop_page.tables(study))
-    print_list("To mind:", study.advice.warnings or ("nothing",))
+    print_list("Warnings:", study.advice.warnings or ("none",))
     if written:
         print_list("Written:", [written])

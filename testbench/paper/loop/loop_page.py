@@ -18,16 +18,16 @@ STEP_DPS, STEP_BEFORE_S, STEP_AFTER_S, MEAN_S = 100.0, 2.5, 1.0, 0.05
 # field of Advice -> (text, unit, digits, factor)
 NUMBERS = {
     "bandwidth_hz": ("bandwidth, -3 dB", "Hz", 2, 1),
-    "peak_db": ("closed-loop peak within it", "dB", 2, 1),
-    "peak_hz": ("at", "Hz", 1, 1),
+    "peak_db": ("closed-loop peak within the bandwidth", "dB", 2, 1),
+    "peak_hz": ("frequency of this peak", "Hz", 1, 1),
     "gain_margin_up_db": ("FTR gain margin, upwards", "dB", 1, 1),
     "gain_margin_down_db": ("FTR gain margin, downwards", "dB", 1, 1),
     "qsc_margin_up_db": ("QSC gain margin, upwards", "dB", 1, 1),
-    "modulus_margin": ("least distance of L to -1", "", 3, 1),
+    "modulus_margin": ("modulus margin: smallest distance of L from -1", "", 3, 1),
     "delay_margin_us": ("delay margin", "us", 0, 1),
-    "ring_hz": ("ring of the split in closed loop", "Hz", 2, 1),
-    "ring_tau_s": ("it decays with", "s", 3, 1),
-    "split_db": ("closed loop there", "dB", 2, 1),
+    "ring_hz": ("ringing frequency at the split, closed loop", "Hz", 2, 1),
+    "ring_tau_s": ("time constant of this ringing", "s", 3, 1),
+    "split_db": ("closed-loop gain at the ringing frequency", "dB", 2, 1),
     "lsb_per_dps": ("scale factor", "LSB/(deg/s)", 2, 1),
     "bias_dps": ("bias", "deg/s", 4, 1),
     "v_q": ("V_q at rate 0", "V", 4, 1),
@@ -98,11 +98,11 @@ def tables(study):
     if study.rounding:
         r = study.rounding
         rows = [
-            ("converter step, half: dead band without noise", f"{3600 * r.adc_dead_band_dps:.2f}", "deg/h"),
+            ("dead band without noise: half a converter step", f"{3600 * r.adc_dead_band_dps:.2f}", "deg/h"),
             ("one LSB of the force word", f"{3600 * r.word_lsb_dps:.3f}", "deg/h"),
             ("one LSB of the force DAC", f"{3600 * r.dac_lsb_dps:.2f}", "deg/h"),
             ("one code of V_q, as quadrature", f"{3600 * r.v_q_lsb_dps:.2f}", "deg/h"),
-            ("noise at the converter by its step", f"{r.dither:.2f}", "rms steps"),
+            ("noise at the converter over its step", f"{r.dither:.2f}", "rms steps"),
         ]
         loop_tables.append(Table("Rounding", ("what", "value", "unit"), rows))
     if a.stable:
@@ -110,10 +110,18 @@ def tables(study):
     if study.notch:
         n = study.notch
         rows = [
-            ("ring, share of a step, from 0.2 s on", f"{100 * n.ring_without:.3f}", f"{100 * n.ring_with:.3f}", "%"),
+            (
+                "ringing after 0.2 s, share of the rate step",
+                f"{100 * n.ring_without:.3f}",
+                f"{100 * n.ring_with:.3f}",
+                "%",
+            ),
             ("bandwidth", f"{n.bandwidth_without_hz:.2f}", f"{n.bandwidth_with_hz:.2f}", "Hz"),
             ("delay added", "0", f"{n.delay_ms:.3f}", "ms"),
-            *((f"left when the ring is {off} Hz off", "0", f"{level:.1f}", "dB") for off, level in n.left_db.items()),
+            *(
+                (f"gain for ringing {off} Hz off the notch", "0", f"{level:.1f}", "dB")
+                for off, level in n.left_db.items()
+            ),
         ]
         whose = "The firmware's notch" if study.in_firmware else "A notch"
         title = f"{whose} in the rate output, {n.centre_hz:.1f} Hz, {n.width_hz:g} Hz wide"
@@ -125,9 +133,10 @@ def tables(study):
             (f"{f:g}", f"{20 * math.log10(abs(r)):+.4f}", f"{math.degrees(np.angle(r)):+.3f}")
             for f, r in zip(study.lines_hz, ratio)
         ]
-        note = f"largest {db:.4f} dB, {deg:.3f} deg; without noise the words rest within {np.ptp(study.still[0])} LSB"
+        span_lsb = np.ptp(study.still[0])
+        note = f"largest {db:.4f} dB, {deg:.3f} deg; without noise the rate words at rest span {span_lsb} LSB"
         heads = ("Hz", "dB", "deg")
-        loop_tables.append(Table("Simulated less analysis", heads, rows, note, numeric=(0, 1, 2)))
+        loop_tables.append(Table("Simulation minus analysis", heads, rows, note, numeric=(0, 1, 2)))
     return loop_tables
 
 
@@ -174,12 +183,17 @@ def sensitivity_tables(sensitivity_rows):
     ]
     heads = ("parameter", "step", *(f"{text}, {unit}" for text, unit in sensitivity.OBSERVABLES.values()))
     return [
-        Table("What moves it most", ("observable", "rank", "parameter", "step", "change"), best, numeric=(1, 4)),
         Table(
-            "Change for one step",
+            "Strongest influences on each observable",
+            ("observable", "rank", "parameter", "step", "change"),
+            best,
+            numeric=(1, 4),
+        ),
+        Table(
+            "Change of each observable for one step of each parameter",
             heads,
             matrix_rows,
-            "Central differences of the linear loops. Empty: below what the difference resolves.",
+            "Central differences of the linear loops. Empty: below the resolution of the difference.",
             numeric=tuple(range(2, len(heads))),
         ),
     ]
@@ -191,7 +205,7 @@ def misprint_table(y, w_d, m_c, ye1_rad):
         (m.where, m.printed, m.right, m.example[0], f"{m.example[1]:.4g}", f"{m.example[2]:.4g}")
         for m in equations.misprints(y, w_d, m_c, ye1_rad)
     ]
-    heads = ("where", "printed", "right", "number", "as printed", "right")
+    heads = ("equation", "printed", "correct", "number", "as printed", "correct")
     return Table("Misprints of the paper", heads, rows, numeric=(4, 5))
 
 
@@ -214,47 +228,48 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
     operating_point = {"sid_hz": p.sid_hz, "split_hz": p.split_hz, "crossover": 1.0, "zero": 1.0}
     pictures.append(
         (
-            "Three maps of the closed loop's largest value. Red: border of stability; star: this configuration. Left: "
-            "the FTR gain follows the split, so that the crossover stays; too small a split or too fast a SID is "
-            "unstable, because at the split the SID must lag by more than 90 deg.",
+            "Three maps of the closed-loop maximum. Red: stability limit; star: this configuration. Left: the FTR gain "
+            "is scaled with the split, so that the crossover stays. A split that is too small or a SID that is too "
+            "fast is unstable, because the SID must lag by more than 90 deg at the split.",
             draw.draw_stability_maps(maps, [(operating_point[m.x], operating_point[m.y]) for m in maps]),
         )
     )
     if a.stable:
         pictures = [
             (
-                "L passes 0 dB three times: at the crossover, and on both flanks of the sense mode's resonance at the "
-                "split. There its phase is beyond -180 deg, which is stable only because the SID lags that much.",
+                "|L| passes 0 dB three times: at the crossover, and on both flanks of the sense mode's resonance at "
+                "the split. On the flanks the phase of L is beyond -180 deg; the loop is stable only because the SID "
+                "lags so much.",
                 draw.bode(p, a),
             ),
             (
-                "Word per rate: flat to the bandwidth, then three poles; the spike at the split is the sense mode. "
-                "Below, if simulated: what the engine's lines differ by.",
+                "Rate word per rate: flat up to the bandwidth, then three poles; the peak at the split is the sense "
+                "mode. Bottom, if simulated: difference of the simulated lines from the analysis.",
                 draw.closed_loop_bode(p, study.simulated, study.lines_hz),
             ),
             (
-                "A rate step excites the split: a few tenths of a percent ring for a third of a second. A notch in the "
-                "output takes it away, if it stands where the ring is.",
+                "A rate step excites ringing at the split: a few tenths of a percent for a third of a second. A notch "
+                "in the rate output removes it if the notch is at the ringing frequency.",
                 draw.step(p, study.step, *study.notch_at),
             ),
             (
                 "Sense phase errors from -9 to 9 deg and -6 to 6 deg: the bandwidth falls by half a hertz with ye1 "
-                "alone and by 0.8 Hz with both, because the loop gain goes with cos(ye1 + ye2').",
+                "alone and by 0.8 Hz with both, because the loop gain is proportional to cos(ye1 + ye2').",
                 draw.phase_influence(p),
             ),
             *pictures,
             (
-                "Above: the force that a sine rounded to 20 bits makes; nothing below half an LSB. Below: without "
-                "noise the loops come to rest in the dead band of the converter; with a finer one they would hunt by "
-                "one code of V_q.",
+                "Top: force of a sine that is rounded to 20 bits; it is zero below half an LSB. Bottom: without noise "
+                "the loops come to rest in the dead band of the converter. With a finer converter they would oscillate "
+                "by one code of V_q.",
                 draw.rounding(study.config, p),
             ),
         ]
         sensitivity_rows = sensitivity.rows(study.config, parameters, progress)
         pictures.append(
             (
-                "Each column is an observable, each row one step of a parameter; colours are shares of the column's "
-                "largest change, which stands below its name.",
+                "Each column is an observable, each row one step of a parameter. A colour is the share of the column's "
+                "largest change, which is printed below the column's name.",
                 draw.influence(sensitivity_rows),
             )
         )
@@ -262,5 +277,5 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
     y = equations.Mode(p.mass_kg, p.wy_rad_s, p.qy)
     page_tables.append(misprint_table(y, p.w_rad_s, p.coriolis_mass_kg, p.ye1_rad))
     path = folder / "loop.html"
-    report.write_html(path, "Loop advisor", page_tables, pictures, a.warnings or ("nothing to mind",))
+    report.write_html(path, "Loop advisor", page_tables, pictures, a.warnings or ("no warnings",))
     return path

@@ -82,8 +82,8 @@ def _check(config):
     device, needed_s = config.device(), 1 / config.design_record().frame_hz
     if config.firmware.board != "analog_sid":
         raise ConfigError(
-            f'firmware.board = "{config.firmware.board}": the loop analysis is of the demodulator in '
-            'firmware.board = "analog_sid"'
+            f'firmware.board = "{config.firmware.board}": the loop analysis needs "analog_sid", whose demodulator it '
+            "describes"
         )
     if config.firmware.adc_clock != "synchronous":
         raise ConfigError(f'firmware.adc_clock = "{config.firmware.adc_clock}": the loop analysis needs "synchronous"')

@@ -94,7 +94,7 @@ def closed_loop_bode(p, simulated=None, lines_hz=confirm.LINES_HZ):
         lower.semilogx(lines, 20 * np.log10(np.abs(ratio)), "o-", color=BLUE, label="magnitude (dB)")
         lower.semilogx(lines, np.degrees(np.angle(ratio)), "s--", color=VERMILION, label="phase (deg)")
         lower.set_xlim(top.get_xlim())
-        name_axes(lower, "frequency (Hz)", "simulated less analysis\n(dB, deg)", "upper left")
+        name_axes(lower, "frequency (Hz)", "simulation minus analysis\n(dB, deg)", "upper left")
     name_axes(top, y="magnitude (dB)", legend="lower left")
     name_axes(middle, "frequency (Hz)" if simulated is None else "", "phase (deg)", "lower left")
     return figure
@@ -104,21 +104,21 @@ def step(p, simulated=None, width_hz=None, centre_hz=None):
     """Rate step: the word with and without a notch, and the ring enlarged; `simulated` is (time s, words per final)."""
     time_s, words = notch_loop.step_words(p)
     effect = notch_loop.effect(p, width_hz, centre_hz)
-    figure, axes = make_axes("Rate step: the ring at the split, and a notch in the rate output", 7.5, 2)
+    figure, axes = make_axes("Rate step: ringing at the split, and a notch in the rate output", 7.5, 2)
     for axis in axes[:, 0]:
         axis.plot(time_s, words, color=BLUE, linewidth=1.3, label="analysis")
         if effect:
             notched_words = notch_loop.apply_notch(
                 notch_loop.design(effect.centre_hz, effect.width_hz, 1 / p.frame_s), words
             )
-            label = f"behind a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
+            label = f"with a notch, {effect.centre_hz:.1f} Hz, {effect.width_hz:g} Hz wide"
             axis.plot(time_s, notched_words, color=VERMILION, linestyle="--", linewidth=1.3, label=label)
         if simulated is not None:
             axis.plot(*simulated, color=GREEN, linestyle=":", linewidth=1.6, label="simulated")
     axes[0, 0].set_xlim(-0.01, 0.4)
     axes[1, 0].set_xlim(0.1, 1.0)
     axes[1, 0].set_ylim(0.98, 1.02)
-    name_axes(axes[0, 0], y="word per final word", legend="lower right")
+    name_axes(axes[0, 0], y="rate word over\nfinal rate word", legend="lower right")
     name_axes(axes[1, 0], "time from the step (s)", "enlarged", "upper right")
     return figure
 
@@ -140,9 +140,9 @@ def phase_influence(p, ye1_deg=(-9, 0, 9), ye2_deg=(-6, 0, 6)):
             label = f"ye1 {ye1:+d}, ye2' {ye2:+d} deg: {edge:.2f} Hz"
             axes[0, 0].semilogx(f, 20 * np.log10(np.abs(values / base)), colour, linestyle=style, label=label)
             axes[1, 0].semilogx(f, np.degrees(np.angle(values / base)), colour, linestyle=style)
-    name_axes(axes[0, 0], y="magnitude against\nno phase error (dB)")
+    name_axes(axes[0, 0], y="magnitude relative to\nno phase error (dB)")
     figure.legend(loc="outside right upper", fontsize=FONT["small"], frameon=False)
-    name_axes(axes[1, 0], "frequency (Hz)", "phase against\nno phase error (deg)")
+    name_axes(axes[1, 0], "frequency (Hz)", "phase relative to\nno phase error (deg)")
     return figure
 
 
@@ -170,10 +170,10 @@ def draw_stability_maps(maps, points):
             axis.contour(m.x_values, m.y_values, edge, levels=[0.5], colors=[VERMILION], linewidths=2)
         on_log_plane(axis, point)
         name_axes(axis, "{} ({})".format(*advisor.AXES[m.x]), "{} ({})".format(*advisor.AXES[m.y]))
-    figure.colorbar(mesh, ax=list(axes[0]), label="maximum over rest (dB)")
+    figure.colorbar(mesh, ax=list(axes[0]), label="maximum relative to 0 Hz (dB)")
     marks = [
         (Line2D([], [], markersize=14, **STAR), "this configuration"),
-        (Line2D([], [], color=VERMILION, linewidth=2), "border of stability"),
+        (Line2D([], [], color=VERMILION, linewidth=2), "stability limit"),
         (Patch(color=UNSTABLE), "unstable"),
     ]
     figure.legend(*zip(*marks), loc="outside lower center", ncols=3, fontsize=FONT["small"], frameon=False)
@@ -192,8 +192,8 @@ def rounding(config, p):
         run = limit_cycles.simulate_hunt(config, 0.0, 3.0, p=p._replace(step_code=step_code))
         time_s = np.arange(len(run.word)) * p.frame_s
         swing = run.word - np.median(run.word)
-        axes[1, 0].plot(time_s, swing, style, color=colour, linewidth=1, label=f"converter in steps of {step_code:g}")
-    name_axes(axes[1, 0], "time (s)", "force word about\nits median (LSB)", "upper right")
+        axes[1, 0].plot(time_s, swing, style, color=colour, linewidth=1, label=f"converter step of {step_code:g} codes")
+    name_axes(axes[1, 0], "time (s)", "force word minus\nits median (LSB)", "upper right")
     return figure
 
 
@@ -203,7 +203,7 @@ def influence(table):
     values = np.where(np.abs(values) >= np.array(list(sensitivity.RESOLUTION.values())), values, 0.0)
     largest = np.max(np.abs(values), axis=0)
     shares = values / np.where(largest > 0, largest, 1.0)
-    figure, axes = make_axes("What moves what: change for one step, by the largest of its column", 14.0)
+    figure, axes = make_axes("Influence: change for one step, over the largest of its column", 14.0)
     axis = axes[0, 0]
     axis.grid(False)
     image = axis.imshow(shares, cmap="PuOr", norm=SymLogNorm(1e-3, vmin=-1, vmax=1), aspect="auto")
@@ -212,5 +212,5 @@ def influence(table):
     axis.xaxis.tick_top()
     rows = [f"{row.parameter.name.split('.')[1]}, {row.parameter.unit}" for row in table]
     axis.set_yticks(range(len(rows)), rows, fontsize=FONT["small"])
-    figure.colorbar(image, ax=axis, label="share of the column's largest change (sign as it is)", shrink=0.5)
+    figure.colorbar(image, ax=axis, label="share of the column's largest change, with its sign", shrink=0.5)
     return figure

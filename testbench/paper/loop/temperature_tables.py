@@ -12,7 +12,7 @@ from testbench.paper.loop import derived
 TEMPS_DEGC = (-20.0, 25.0, 50.0)
 SOURCES = {
     "rest": "cv_noise_v_per_rthz, the same at every temperature",
-    "carrier": "noise of the carrier through the imbalance at rest",
+    "carrier": "noise of the carrier, by the imbalance at rest",
     "ring": "diodes of the ring",
     "resistors": "resistors (Johnson)",
     "voltage": "amplifier, voltage noise",
@@ -45,7 +45,7 @@ def shares(config):
         for name, text in SOURCES.items()
         if any(share[name] for share in noise_shares)
     ]
-    rows.append(("all", *(to_decimals(1e9 * math.hypot(*share.values()), 3) for share in noise_shares), "nV/rtHz"))
+    rows.append(("total", *(to_decimals(1e9 * math.hypot(*share.values()), 3) for share in noise_shares), "nV/rtHz"))
     return Table("C/V noise by source, at the ring's output", **_columns(rows))
 
 
@@ -56,7 +56,7 @@ def numbers(config):
         (text, *(to_decimals(getattr(at, name), digits) for at in derived_values), unit)
         for name, (text, unit, digits) in NUMBERS.items()
     ]
-    return Table("Over temperature, derived", **_columns(rows))
+    return Table("Derived values over temperature", **_columns(rows))
 
 
 def as_json(config):

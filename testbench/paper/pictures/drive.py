@@ -31,13 +31,12 @@ def drive_errors(rows, config):
     slope = -device.fx_hz / (2 * device.qx) * np.tan(np.radians(fine)) * 1e3
     unit = float(np.mean(a * np.cos(np.radians(angle))))
     panels = (
-        ((f - device.fx_hz) * 1e3, sigma["frequency_hz"] * 1e3, slope, "drive frequency less f_x (mHz)",
+        ((f - device.fx_hz) * 1e3, sigma["frequency_hz"] * 1e3, slope, "drive frequency minus f_x (mHz)",
          "formula: -f/(2Q) tan(xe1 + xe2')"),
         (1e3 * a, 1e3 * sigma["drive_v"], 1e3 * unit / np.cos(np.radians(fine)), "drive amplitude A_d (mV)",
          "formula: 1/cos(xe1 + xe2')"),
-        ((v - v.mean()) * 1e6, sigma["quadrature_v"] * 1e6, None, f"V_q less {v.mean():.4f} V (uV)", ""),
-        ((w / w.mean() - 1) * 1e6, np.abs(sigma["rate_word"] / w.mean()) * 1e6, None, "rate word less its mean (ppm)",
-         ""),
+        ((v - v.mean()) * 1e6, sigma["quadrature_v"] * 1e6, None, f"V_q minus {v.mean():.4f} V (uV)", ""),
+        ((w / w.mean() - 1) * 1e6, np.abs(sigma["rate_word"] / w.mean()) * 1e6, None, "rate word minus mean (ppm)", ""),
     )  # fmt: skip
     for axis, (values, bars, curve, name, formula) in zip(axes.ravel(), panels):
         if curve is not None:
@@ -48,10 +47,10 @@ def drive_errors(rows, config):
     draw.legend(figure)
     return Picture(
         "fig_2_drive_phase",
-        f"What to see: 18 deg of drive phase move the frequency by {1e3 * np.ptp(f):.1f} mHz and the drive voltage by "
-        f"{100 * (a.max() / a.min() - 1):.2f} %; V_q moves by {1e6 * np.ptp(v):.0f} uV and the rate word by "
-        f"{1e6 * np.ptp(w) / abs(w.mean()):.0f} ppm, because the loop holds x on its reference whatever the force "
-        "does.",
+        f"What to see: 18 deg of drive phase change the frequency by {1e3 * np.ptp(f):.1f} mHz and the drive voltage "
+        f"by {100 * (a.max() / a.min() - 1):.2f} %. V_q changes by only {1e6 * np.ptp(v):.0f} uV and the rate word by "
+        f"{1e6 * np.ptp(w) / abs(w.mean()):.0f} ppm, because the drive loops keep x at its reference for any phase of "
+        "the force.",
         figure,
     )
 
@@ -61,7 +60,7 @@ def phase_record(records, nodes, number):
 
     records  {case: rows of `record_phases.record`}
     """
-    figure, axes = make_axes(f"Fig. {number}  Phases over two hours after warm-up, less their mean", 5.6, 1, 2)
+    figure, axes = make_axes(f"Fig. {number}  Phases over two hours after warm-up, minus their mean", 5.6, 1, 2)
     for axis, node in zip(axes[0], nodes):
         for k, (case, rows) in enumerate(sorted(records.items())):
             t = np.array([r["time_s"] for r in rows]) / 60
@@ -79,16 +78,15 @@ def phase_record(records, nodes, number):
             )
         truth = np.array([r["truth"][node] for r in records[max(records)]])
         times = np.array([r["time_s"] for r in records[max(records)]]) / 60
-        axis.plot(times, 1e3 * (truth - truth.mean()), color=draw.COLOURS[-1], label="truth of the last case")
-        name_axes(axis, "time from power-on (min)", f"{draw.NODE_TEXT[node]} less its mean (mdeg)")
+        axis.plot(times, 1e3 * (truth - truth.mean()), color=draw.COLOURS[-1], label="true phase of the last case")
+        name_axes(axis, "time from power-on (min)", f"{draw.NODE_TEXT[node]} minus its mean (mdeg)")
     draw.legend(figure)
     worst = max(
         abs(r[node] - np.mean([q[node] for q in rows])) for rows in records.values() for r in rows for node in nodes
     )
     return Picture(
         f"fig_{number}_phases_over_time",
-        f"What to see: the largest reading stands {1e3 * worst:.1f} mdeg from its mean; the truth moves by less. "
-        "The paper's "
-        "fluctuation is 7 to 9 mdeg. Bars: standard deviation of a case's readings.",
+        f"What to see: the largest deviation of a reading from its mean is {1e3 * worst:.1f} mdeg; the true phase "
+        "changes by less. The paper's fluctuation is 7 to 9 mdeg. Bars: standard deviation of a case's readings.",
         figure,
     )

@@ -47,11 +47,11 @@ def waterfall(planned, printed):
     planned  `budget.Budget`
     printed  {node: (deg, sigma)} of the paper, or {}
     """
-    figure, axes = make_axes("Phase budget: what each of the four phases is made of", 9.0, 2, 2)
+    figure, axes = make_axes("Phase budget: contributions to each of the four phases", 9.0, 2, 2)
     for axis, (node, rows) in zip(axes.ravel(), planned.rows.items()):
         steps, start = waterfall_steps(rows), 0.0
         for bar_position, (deg, assumed) in enumerate(steps.values()):
-            text = "an assumption, or fitted, is in it" if assumed else "follows from the design"
+            text = "contains an assumed or fitted value" if assumed else "follows from the design"
             axis.bar(bar_position, deg, 0.7, start, color=ORANGE if assumed else BLUE, label=text,
                      hatch="//" if assumed else "", edgecolor="white")  # fmt: skip
             axis.annotate(f"{deg:+.2f}", (bar_position, max(start, start + deg)), (0, 3), textcoords="offset points",
@@ -77,8 +77,8 @@ def waterfall(planned, printed):
     draw.legend(figure)
     return Picture(
         "waterfall",
-        "What to see: digital delays make most of xe1 and ye1, the ring diode most of xe2 and ye2. A hatched step "
-        "contains a value that no document fixes: see the table of the budget for which.",
+        "What to see: digital delays cause most of xe1 and ye1; the ring diode causes most of xe2 and ye2. A hatched "
+        "step contains a value that no document states; the table of the phase budget names it.",
         figure,
     )
 
@@ -99,7 +99,7 @@ def cases(points, names, printed, title, caption, file):
         paper = printed.get(name)
         if paper:
             draw.draw_marks(axis, list(paper), [v for v, _ in paper.values()], [s for _, s in paper.values()],
-                        "paper, mean of cases 1 to 3, its spread", color=GREY, marker="x", markersize=9,
+                        "paper, mean of cases 1 to 3 and its spread", color=GREY, marker="x", markersize=9,
                         elinewidth=2)  # fmt: skip
         axis.margins(x=0.12)
         name_axes(axis, "temperature (degC)", label)

@@ -46,9 +46,9 @@ def allan(points, printed):
     draw.legend(figure)
     return Picture(
         "allan_deviation",
-        "What to see: white rate noise down to some ten seconds, then the floor of the 1/f noise behind the SID, "
-        "alike at "
-        "all temperatures of the study. Neighbouring points share most of their data.",
+        "What to see: white rate noise up to averaging times of about 10 s, then the minimum set by the 1/f noise "
+        "after the SID. Both are nearly the same at all temperatures of the study. Neighbouring points share most "
+        "of their data.",
         figure,
     )
 
@@ -56,7 +56,9 @@ def allan(points, printed):
 def scale_residuals(points, rates_dps):
     """Residuals of the rates (deg/s), and V_q over rate, one column a temperature."""
     points_by_temp = _by_temperature(points)
-    figure, axes = make_axes("22 rates: residual of the line, and V_q", 8.4, 2, len(points_by_temp), sharey="row")
+    figure, axes = make_axes(
+        "22 rates: residual of the fitted line, and V_q", 8.4, 2, len(points_by_temp), sharey="row"
+    )
     for column, (temp, cases) in enumerate(points_by_temp.items()):
         for k, (case, p) in enumerate(cases.items()):
             style = draw.case_style(case) | {"markersize": 4}
@@ -76,9 +78,8 @@ def scale_residuals(points, rates_dps):
     draw.legend(figure)
     return Picture(
         "scale_residuals",
-        "What to see: with ye1 uncompensated V_q must follow the rate and reaches its ceiling on one sign of it; "
-        "the line "
-        "bends there, in case 3 more than in cases 1 and 2, and not in cases 4 and 5.",
+        "What to see: with ye1 uncompensated, V_q changes with the rate and reaches its ceiling for one sign of the "
+        "rate. There the line bends: in case 3 more than in cases 1 and 2, and not in cases 4 and 5.",
         figure,
     )
 
@@ -91,12 +92,14 @@ def nonlinearity(explained, wide, printed):
     printed    {temperature: (value, sigma)} of the paper's mean, or {}
     """
     temps = sorted({t for _, t in explained})
-    figure, axes = make_axes("Why the scale factor is not linear: V_q at its ceiling", 5.8, 1, len(temps), sharey=True)
+    figure, axes = make_axes(
+        "Cause of the nonlinearity of the scale factor: V_q at its limits", 5.8, 1, len(temps), sharey=True
+    )
     rows = (
         "measured, 1 sigma",
-        "rates between the rails, 1 sigma",
-        "by the rails alone (closed form)",
-        "V_q with more span",
+        "rates without V_q saturation, 1 sigma",
+        "computed from V_q saturation (closed form)",
+        "measured with more V_q span",
     )
     for axis, temp in zip(axes[0], temps):
         mine = {c: explained_pair for (c, t), explained_pair in sorted(explained.items()) if t == temp}
@@ -120,9 +123,9 @@ def nonlinearity(explained, wide, printed):
     draw.legend(figure)
     return Picture(
         "nonlinearity",
-        "What to see: V_q at its ceiling, and at -20 degC at 0, makes the measured nonlinearity; rates between the "
-        "rails, or more span, leave the noise of a reading. It grows from case 2 to 3, where ye2' - xe2' does, and "
-        "with temperature, as V_q does. The paper's three cases agree, and its nonlinearity falls with temperature: "
-        "the cause is another.",
+        "What to see: saturation of V_q at its ceiling, and at -20 degC also at 0 V, causes the measured nonlinearity. "
+        "Without saturated rates, or with more span, only the noise of a reading remains. The nonlinearity grows from "
+        "case 2 to 3 with ye2' - xe2', and with temperature as V_q does. In the paper the three cases agree and the "
+        "nonlinearity falls with temperature, so it has another cause.",
         figure,
     )

@@ -41,8 +41,9 @@ def transfer_functions(config, angles_deg=(-9.0, 0.0, 9.0)):
     draw.legend(figure)
     return Picture(
         "fig_5_transfer_functions",
-        f"What to see: the resonance at the split, {split_hz:.0f} Hz, stands {rise[1]:.0f} dB above the dip before it; "
-        "there the demodulator's poles have turned the phase far enough. +-9 deg of ye1 change hardly a line.",
+        f"What to see: the resonance at the split, {split_hz:.0f} Hz, is {rise[1]:.0f} dB above the minimum below it. "
+        "There the phase lag of the demodulator's poles is large enough for stability. +-9 deg of ye1 hardly change "
+        "the curves.",
         figure,
     )
 
@@ -67,14 +68,13 @@ def scale_by_phases(rows):
         worst = max(worst, float(np.abs(off).max()))
     fine = np.linspace(-9.0, 9.0, 91)
     axes[0, 0].plot(fine, 100 * (1 / np.cos(np.radians(fine)) - 1), "--", color=GREY, label="1/cos(ye1), xe2' = 0")
-    name_axes(axes[0, 0], "ye1 (deg)", "scale factor less that at 0 (%)")
-    name_axes(axes[0, 1], "ye1 (deg)", "less 1/cos(ye1 + xe2') (ppm)")
+    name_axes(axes[0, 0], "ye1 (deg)", "scale factor minus that at 0 deg (%)")
+    name_axes(axes[0, 1], "ye1 (deg)", "deviation from 1/cos(ye1 + xe2') (ppm)")
     draw.legend(figure)
     return Picture(
         "fig_6a_scale_factor",
-        f"What to see: the scale factor follows 1/cos(ye1) and not ye2, within {worst:.0f} ppm. This is the "
-        "paper's eq (12), "
-        "which is written for an infinite loop gain.",
+        f"What to see: the scale factor follows 1/cos(ye1) within {worst:.0f} ppm and does not depend on ye2. This is "
+        "the paper's eq (12), which assumes an infinite loop gain.",
         figure,
     )
 
@@ -100,17 +100,17 @@ def sense_errors(config):
     gain = closed_bandwidth(advisor.vary_parameters(phased_parameters(config), crossover=math.cos(math.radians(9.0))))
     return Picture(
         "fig_6b_bandwidth",
-        f"What to see: ye1 alone moves the bandwidth by {max(ye1_only_hz) - min(ye1_only_hz):.2f} Hz, both phases by "
-        f"{max(every) - min(every):.2f} Hz; the paper says less than 0.3 Hz. The loop gain falls "
-        f"with cos(ye1 + ye2'), which at 9 deg alone makes {nominal_hz - gain:.2f} Hz; the rest is the coupling to the "
-        "quadrature loop.",
+        f"What to see: ye1 alone changes the bandwidth by {max(ye1_only_hz) - min(ye1_only_hz):.2f} Hz, both phases by "
+        f"{max(every) - min(every):.2f} Hz; the paper says less than 0.3 Hz. The loop gain is proportional to "
+        f"cos(ye1 + ye2'), which at 9 deg explains {nominal_hz - gain:.2f} Hz. The coupling to the quadrature loop "
+        "explains the remainder.",
         figure,
     )
 
 
 def response(points, config):
     """Frequency response of the simulated gyroscope beside the linear loop."""
-    figure, axes = make_axes("Rate channel: simulated gyroscope beside the analysis", 8.4, 2, 1)
+    figure, axes = make_axes("Rate channel: simulated gyroscope and analysis", 8.4, 2, 1)
     f = np.geomspace(0.5, 125.0, 200)
     closed = loops.close(loop_parts.loop_parameters(config))
     h = loops.response(closed, f) / loops.response(closed, np.array([1e-3]))[0].real
@@ -141,5 +141,8 @@ def response(points, config):
     name_axes(axes[1, 0], "frequency (Hz)", "phase (deg)")
     draw.legend(figure)
     return Picture(
-        "response", "What to see: one curve; the split at 139 Hz stays visible as a ripple at the right end.", figure
+        "response",
+        "What to see: all cases and the analysis give the same curve. The split at 139 Hz causes the ripple at its "
+        "right end.",
+        figure,
     )

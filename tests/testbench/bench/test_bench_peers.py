@@ -130,7 +130,10 @@ def test_what_the_comparators_do_not_know_is_refused(tmp_path):
     bent = kernels.gyroscope("clocked", locked=False, changes={"effects.duffing_k3_per_um2": 1e-7})
     with pytest.raises(ValueError, match="does not support: effects"):
         peers.export(bent, kernels.RATE_RAD_S, tmp_path)
-    for change, what in ({"firmware.notch_hz": 300.0}, "a notch"), ({"firmware.sense_sine_registers": 1}, "clocks of"):
+    for change, what in (
+        ({"firmware.notch_hz": 300.0}, "a notch"),
+        ({"firmware.sense_sine_registers": 1}, "extra clock"),
+    ):
         changed = kernels.gyroscope("clocked", locked=False, changes=change)
         with pytest.raises(ValueError, match=f"does not support: {what}"):
             peers.export(changed, kernels.RATE_RAD_S, tmp_path)

@@ -192,7 +192,7 @@ def test_without_dask_it_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     code, _, err = campaign("run", plan_file(tmp_path), "--out", tmp_path / "s", "--cluster", 1)
     assert code == 2
-    assert "Dask is not installed; pip install 'ftr-gyro[campaign]'" in err
+    assert "Dask is not installed; run pip install '.[campaign]' in the clone" in err
 
 
 def test_one_kind_of_worker_at_a_time(tmp_path):

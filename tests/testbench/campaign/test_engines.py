@@ -58,9 +58,9 @@ def test_the_place_of_an_engine_that_has_a_name_is_answered_with_the_name(tmp_pa
         (["a"], "is not of the form NAME=package.module:OBJECT"),
         (["a=b"], "is not of the form NAME=package.module:OBJECT"),
         (["a=b:c d"], "is not of the form NAME=package.module:OBJECT"),
-        (["frame=b:c"], "the name frame is taken"),
-        (["word_lengths=b:c"], "the name word_lengths is taken"),
-        (["a=b:c", "a=b:d"], "the name a is taken"),
+        (["frame=b:c"], "the name frame is already used"),
+        (["word_lengths=b:c"], "the name word_lengths is already used"),
+        (["a=b:c", "a=b:d"], "the name a is already used"),
     ],
 )
 def test_options_that_are_none(texts, said):

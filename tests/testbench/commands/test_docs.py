@@ -242,7 +242,7 @@ def test_what_stands_beside_the_paper_says_how_the_latencies_were_found():
     assert all(run_tables.FITTED in table.note for table in run_tables.budget_tables(*budget.budgets(Config())))
     says("docs/phases.md", run_tables.FITTED)
     for name in ("README.md", "docs/limits.md"):
-        says(name, "best fit", "of a search over discrete assumptions")
+        says(name, "We searched the possible latencies and kept those nearest the paper's xe1 and ye1")
     for path in (*PAGES, *(ROOT / "testbench").rglob("*.py")):
         assert "latency was tuned" not in path.read_text(), path
 

@@ -97,7 +97,7 @@ MISTAKES = [
     ),
     (
         '[scenario]\nfaults = [[5, "adc_stuck", "sense_sin", 0, 0.1]]',
-        "scenario.faults[0] is at 5 s, outside 0 to 2 s (seconds)",
+        "scenario.faults[0] is at 5 s, outside 0 to 2 s (scenario.seconds)",
     ),
     (
         '[firmware]\npipeline_registers = 12\nboard = "x"',

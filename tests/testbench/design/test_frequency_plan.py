@@ -185,8 +185,8 @@ def test_the_plan_says_where_the_loop_leaves_the_edges():
     loop, near = drive_loops.frequency_loop(Config()), Device(fx_hz=12499.9)
     assert loop.half_width_hz == pytest.approx(near.fx_hz / (2 * near.qx), rel=0.2)
     still, moved = (line(frequency_plan.plan(near, 25.0, loop=one), "edges").effect for one in (None, loop))
-    assert still.endswith("about a mean that is 0.000 deg off")
-    off_deg = float(re.search(r"mean that is (\S+) deg", moved)[1])
+    assert still.endswith("their mean is wrong by up to 0.000 deg")
+    off_deg = float(re.search(r"wrong by up to (\S+) deg", moved)[1])
     late = dwelling(near.fx_hz, 1e6, 3.0, loop.corner_hz, loop.half_width_hz, 12.0)[6 * 12500 :]
     known = float(re.search(r"1 s is known to (\S+) uHz", moved)[1])
     assert known == pytest.approx(1e6 * frequency_plan.word_hz(near.fx_hz, 1.0, loop), abs=0.5)

@@ -29,13 +29,13 @@ WRITTEN = {
 # what no choice suits, found before the search of the rate loop
 RANGES = {
     "force": ({"target": {"max_rate_deg_s": 1e4, "amplitude_um": 5.0}}, ("force at the sense electrode", "V", "lower")),
-    "quadrature": ({"target": {"max_quadrature_deg_s": 140.0}}, ("V_q's rail", "140", "133.2 deg/s")),
+    "quadrature": ({"target": {"max_quadrature_deg_s": 140.0}}, ("V_q rail", "140", "133.2 deg/s")),
     "leak": ({"target": {"compensate": False}}, ("deg/s is above the limit", "compensate = true")),
     "gap": ({"target": {"gap_um": 6.0, "amplitude_um": 5.0}}, ("displacement x", "limit 2 um", "amplitude")),
     "clipped": ({"target": {"amplitude_um": 7.0}}, ("drive signal at the converter", "3.6 V", "adc_pga_drive")),
     "scale": ({"target": {"scale_lsb_per_deg_s": 1e5}}, ("force at the sense electrode", "9 V")),
     "no scale": ({"target": {"scale_lsb_per_deg_s": 1.0}}, ("amplitude", "outside 0.01 .. 100 um")),
-    "hold": ({"target": {"amplitude_um": 5.0}, "nominal": {"qx": 500.0}}, ("holds the drive", "limit 2.5 V")),
+    "hold": ({"target": {"amplitude_um": 5.0}, "nominal": {"qx": 500.0}}, ("keeps the drive amplitude", "limit 2.5 V")),
     "sense code": (
         {"target": {"max_rate_deg_s": 500.0, "amplitude_um": 4.8}, "nominal": DISK},
         ("rate at the sense converter", "0.3 V", "adc_pga_sense"),
@@ -48,7 +48,10 @@ RANGES = {
 }
 # what the search finds impossible
 SEARCHED = {
-    "split": ({"target": {"bandwidth_hz": 25.0}, "nominal": DISK}, ("25 Hz is above", "split", "20 Hz", "would do")),
+    "split": (
+        {"target": {"bandwidth_hz": 25.0}, "nominal": DISK},
+        ("25 Hz is above", "split", "20 Hz", "would be enough"),
+    ),
     "start-up": ({"target": {"startup_s": 0.9}}, ("target.startup_s = 0.9 s", "slowest board")),
     "quality": ({"nominal": {"qx": 2000.0}, "target": {"bandwidth_hz": 20.0}}, ("qx",)),
     "tolerance": ({"nominal": {"f_tolerance": 0.1}}, ("search", "Hz", "nominal.f_tolerance")),

@@ -370,7 +370,7 @@ def test_what_it_cannot_do_is_refused_with_one_line(key):
     text = str(refused.value)
     assert key in text
     assert "baseband" in text
-    assert '"frame" can' in text
+    assert 'use "frame"' in text
     assert "\n" not in text
 
 
@@ -421,14 +421,14 @@ def test_there_is_room_for_every_edge_outside_of_that_range(d):
 def test_faults_are_refused(locked):
     sim = on("baseband", locked)
     sim.faults = engine.Faults(status=1)
-    with pytest.raises(ConfigError, match=r'scenario.faults: .*"frame" can'):
+    with pytest.raises(ConfigError, match=r'scenario.faults: .*use "frame"'):
         sim.advance(FRAME_TICKS, 0.0, TEMP_DEGC)
 
 
 @pytest.mark.parametrize("rate_dps", [RATE_LIMIT_DEG_S + 1, -RATE_LIMIT_DEG_S - 1])
 def test_a_rate_that_is_too_high_is_refused(locked, rate_dps):
     sim = on("baseband", locked)
-    with pytest.raises(ConfigError, match=r'scenario.rate_dps: .*1000 deg/s.*"frame" can'):
+    with pytest.raises(ConfigError, match=r'scenario.rate_dps: .*1000 deg/s.*use "frame"'):
         sim.advance(FRAME_TICKS, rate_dps * DEG, TEMP_DEGC)
 
 

@@ -332,8 +332,11 @@ def test_sanitizers_find_nothing(written, tmp_path):
         ),
         ({"plant.drive_dac_bow": 1e-4}, "plant.drive_dac_bow = 0.0001: the FMU of the plant supports only 0"),
         ({"plant.self_heating_k": 2.0}, "plant.self_heating_k = 2: the FMU of the plant supports only 0"),
-        ({"scenario.host": "spi"}, 'scenario.host = "spi": the FMU of the firmware is written on the bank'),
-        ({"firmware.board": "digital_sid"}, 'firmware.board = "digital_sid": the FMU of the plant has the analog SID'),
+        ({"scenario.host": "spi"}, 'scenario.host = "spi": the FMU of the firmware writes registers on the "bus" only'),
+        (
+            {"firmware.board": "digital_sid"},
+            'firmware.board = "digital_sid": the FMU of the plant supports only "analog_sid"',
+        ),
         ({"scenario.faults": [[0.1, "adc_silent", "adc", 0, 1.0]]}, "scenario.faults: the FMUs simulate no faults"),
     ],
 )

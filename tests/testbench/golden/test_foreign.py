@@ -146,7 +146,7 @@ def test_a_late_port_is_judged_where_no_reset_has_cleared_it(bundles, tmp_path):
     assert not mask[:, names.index("r_phase")].any()
     path = tmp_path / "late.toml"
     for text, level, said in (
-        ("drive_sine = 1", "registers", "level registers every register has its own"),
+        ("drive_sine = 1", "registers", "level registers allows none"),
         ("phase = 1", "outputs", "level outputs compares no port phase; it compares r_drive_sine"),
         ("drive_sine = -1", "outputs", r"drive_sine: -1 is not 0 \.\. 4096 clocks"),
     ):
@@ -170,7 +170,7 @@ def test_a_latency_file_without_a_table_is_one_line(tmp_path):
             "sclk = 1",
             r"sclk: inputs drdy_n and dout respond to it, so recorded rows would come 1 ",
         ),
-        ("spi_dac", "sdin = 1", "one chip reads these pins together, so their clocks must be equal: sclk_en 0, sdin 1, sync_n 0"),
+        ("spi_dac", "sdin = 1", "one chip reads .*, so their clocks must be equal: sclk_en 0, sdin 1, sync_n 0"),
     ],
 )
 def test_a_latency_that_no_recorded_row_can_judge_is_refused(tmp_path, block, text, said):
@@ -307,7 +307,7 @@ BAD_MAPS = {
     "two drivers of the reset": (
         "ctl_i[38]", "arst_i", r"port arst_i of the design has two drivers: \[reset\] and \[inputs\] en",
     ),
-    "an input as an output": ("act_o", "ctl_i", "port ctl_i of the design is an input of"),
+    "an input as an output": ("act_o", "ctl_i", r"port ctl_i of the design is an input \(of"),
     "bit without driver": ("ctl_i[38]", "ctl_i[39]", r"bit 38 of input ctl_i of the design has no driver"),
     "polarity": ("active = 1", "active = 2", r"reset.active: 2 is not 0 or 1"),
     "style": ('"async"', '"later"', r"reset.style: 'later' is not one of sync, async, none"),
@@ -333,8 +333,8 @@ BAD_RUNS = {
     "wrong width": (
         "width = 32", "width = 31", "port err_i has 32 bits, the map has 31",
     ),
-    "stays in reset": ("active = 1", "active = 0", "never leaves reset"),
-    "no such module": ('"loop_filter"', '"loop_fitler"', "no module or entity loop_fitler: --top, or top"),
+    "stays in reset": ("active = 1", "active = 0", "stays in reset"),
+    "no such module": ('"loop_filter"', '"loop_fitler"', "no module or entity loop_fitler; name yours with --top"),
     "no such parameter": ('"KI"', '"KII"', r"parameter KII is missing; .* in \[parameters\] of a map"),
     "no such reset": ("arst_i", "arst", 'port arst is missing; .* for a design without a reset set style = "none"'),
 }  # fmt: skip
@@ -391,8 +391,8 @@ def test_a_list_names_files_folders_macros_and_libraries(tmp_path):
     (tmp_path / "e.vhd").write_text("")
     (tmp_path / "x.f").write_text("-work one e.vhd\n")
     assert rtl_sources.read_source_list(tmp_path / "x.f").libraries == ("one",)
-    for text, said in (("no.v", "line 1: no file"), ("-y lib", "line 1: -y is not one of"), ("+incdir+no", "no folder"),
-                       ("-f x.f", "the list includes itself"), ("", "names no source file"), ("-work", "needs a value"),
+    for text, said in (("no.v", "line 1: no file"), ("-y lib", "line 1: -y is none of"), ("+incdir+no", "no folder"),
+                       ("-f x.f", "the list names itself"), ("", "names no source file"), ("-work", "needs a value"),
                        ("a.sv e.vhd", "Verilog and VHDL in one list")):  # fmt: skip
         (tmp_path / "x.f").write_text(text)
         with pytest.raises(FileError, match=said):
@@ -414,9 +414,9 @@ LISTS = {
     [
         ("no.v", "FILES: no file {rtl}/no.v"),
         ("no.f", "no list {rtl}/no.f"),
-        ("bad.f", "{rtl}/bad.f: -y is not one of +incdir+, +define+, -I, -D, -work, -f"),
-        ("own.f", "{rtl}/own.f: the list includes itself"),
-        ("a.f", "{rtl}/./deep/../a.f: the list includes itself"),
+        ("bad.f", "{rtl}/bad.f: -y is none of +incdir+, +define+, -I, -D, -work, -f"),
+        ("own.f", "{rtl}/own.f: the list names itself"),
+        ("a.f", "{rtl}/./deep/../a.f: the list names itself"),
         ("work.f", "{rtl}/work.f: -work needs a value"),
         ("empty.f", "FILES: empty.f names no source file"),
         ("deep", "FILES: no file {rtl}/deep"),

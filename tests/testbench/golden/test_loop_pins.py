@@ -332,7 +332,7 @@ def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
     with pytest.raises(FileError, match=r"for VHDL list the files in order"):
         library.user_sources(rtl, "player")
     (rtl / "player.f").write_text("player.vhd\n")
-    with pytest.raises(FileError, match=r"player\.f: ghdl failed with 1"):
+    with pytest.raises(FileError, match=r"player\.f: ghdl failed with exit code 1"):
         library.user_sources(rtl, "player", rtl / "player.f", tmp_path)
     text = (
         (rtl / "player.vhd")
@@ -343,7 +343,7 @@ def test_vhdl_that_the_loop_cannot_take_is_one_line(tmp_path):
     text = text.replace("    signal n", unbound, 1)
     (rtl / "player.vhd").write_text(text)
     (rtl / "player.f").write_text("-work played\nrows.vhd\n-work work\nplayer.vhd\n")
-    with pytest.raises(FileError, match=r'ghdl failed with 1: .* "absent" is not bound'):
+    with pytest.raises(FileError, match=r'ghdl failed with exit code 1: .* "absent" is not bound'):
         library.user_sources(rtl, "player", rtl / "player.f", tmp_path)
 
 

@@ -125,7 +125,7 @@ BROKEN = {
     "parameter missing": ("icarus", "v", ("34'sd0,  // [1,9,24]\n    parameter signed [33:0] ki",
                                           "34'sd0,\n    parameter signed [33:0] kj"), "parameter ki is missing"),
     "reset of the other polarity": (
-        "icarus", "v", ("if (rst)", "if (!rst)"), "the reset has the other polarity; set active = 0 in [reset] of a map",
+        "icarus", "v", ("if (rst)", "if (!rst)"), "reset has the other polarity; set active = 0 in [reset] of a map",
     ),
     "parameter missing in VHDL": ("ghdl", "vhd", ("kp", "kq"), "parameter kp is missing"),
     "parameter without a value in VHDL": (
@@ -134,10 +134,11 @@ BROKEN = {
     ),
     "an input as an output": (
         "icarus", "v", ("input  wire signed                           [25:0] e,", "output wire signed [25:0] e,"),
-        "port e is an output, the bundle has an input",
+        "port e is an output of the design, but an input in the bundle",
     ),
     "an input as an output in VHDL": (
-        "ghdl", "vhd", ("e      : in  std", "e      : out std"), "port e is an output, the bundle has an input",
+        "ghdl", "vhd", ("e      : in  std", "e      : out std"),
+        "port e is an output of the design, but an input in the bundle",
     ),
     "an output as an input": (
         "icarus", "v", ("output reg  signed                           [35:0] r_y      // [1,35,0]\n);",
@@ -149,7 +150,7 @@ BROKEN = {
                         "r_y    : in std_logic_vector(35 downto 0); mine : out std_logic_vector(35 downto 0)"),
         "port r_y has no driver: the design declares it as an input, or does not assign it",
     ),
-    "never starts": ("icarus", "v", ("if (rst)", "if (1'b1)"), "never leaves reset, has no clock or never starts"),
+    "never starts": ("icarus", "v", ("if (rst)", "if (1'b1)"), "stays in reset, has no clock or never starts"),
     "ends early": ("icarus", "v", ("endmodule", "initial #1000000 $finish;\nendmodule"), "ended after 24 of 4297 rows"),
     "prints without end": ("icarus", "v", ("endmodule", 'initial while (1) $display("%0100d", 0);\nendmodule'),
                            "prints more than 4 MiB"),
@@ -203,7 +204,7 @@ def test_what_is_not_there_is_said(out, tmp_path, monkeypatch):
         rtl_run.check(folder, tmp_path / "no", "icarus")
     with pytest.raises(ConfigError, match="'vcs' is not one of icarus, verilator, ghdl"):
         rtl_run.check(folder, RTL, "vcs")
-    with pytest.raises(ConfigError, match="outside 0"):
+    with pytest.raises(ConfigError, match="is not above 0"):
         rtl_run.check(folder, RTL, "icarus", timeout_s=0.0)
     monkeypatch.setenv("PATH", str(tmp_path))
     for sim in (None, "icarus", "ghdl"):
@@ -244,7 +245,7 @@ def test_the_whole_design_is_sent_to_its_own_bench(out, monkeypatch):
     monkeypatch.setattr(bundle, "read", lambda folder: top)
     with pytest.raises(FileError, match="golden/top/story: bundle of the whole design; use top_run"):
         rtl_run.check("golden/top/story", RTL)
-    with pytest.raises(FileError, match="its own bench"):
+    with pytest.raises(FileError, match="run its bench"):
         compare.compare_bundle(top, {"phase": [0]})
 
 

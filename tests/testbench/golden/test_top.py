@@ -295,7 +295,7 @@ def test_window_of_another_recording_or_of_a_block_is_refused(copy, tmp_path):
     from testbench.golden.bundles.export import export
 
     ((folder, _),) = export("isqrt", tmp_path)
-    with pytest.raises(ConfigError, match="has every clock"):
+    with pytest.raises(ConfigError, match="has a row for every clock"):
         design_bundle.window(folder, 0, 5, tmp_path / "w")
 
 

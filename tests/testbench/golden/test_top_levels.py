@@ -267,7 +267,7 @@ def test_what_cannot_be_compared_is_one_line(out, pins, tmp_path):
             adapted_bundle.write_pin_bundle(out, "pins", tmp_path / "new", latency=tmp_path / "late.toml")
     with pytest.raises(FileError, match="latencies are for level pins or outputs"):
         top_run.check(out, RTL, choice=design_run.Choice(latency=tmp_path / "late.toml"))
-    with pytest.raises(ConfigError, match="--map, --top: the whole design may have other port names at --level pins only"):
+    with pytest.raises(ConfigError, match=r"--map, --top: .* may have other port names at --level pins only"):
         top_run.check(out, RTL, choice=design_run.Choice(top="mine"))
     with pytest.raises(ConfigError, match="--top: top: gyro_top is the name of the wrapper"):
         top_run.check(out, RTL, choice=design_run.Choice(top="gyro_top", level="pins"))

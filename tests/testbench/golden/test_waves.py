@@ -103,14 +103,14 @@ def test_several_changes_of_the_clock_at_one_time_are_one(tmp_path):
     ("text", "signals", "fmt", "said"),
     [
         ("nonsense", asked(), bits(4), "no $enddefinitions"),
-        (VCD.replace("$var reg 4 #", "$var reg four #"), asked(), bits(4), "broken $var"),
+        (VCD.replace("$var reg 4 #", "$var reg four #"), asked(), bits(4), "malformed $var"),
         (VCD.replace("#20", "#2"), asked(), bits(4), "is malformed or earlier"),
         (VCD.replace("b1110 #", "q1110 #"), asked(), bits(4), "not a VCD value"),
         (VCD + "b1", asked(), bits(4), "ends inside a value"),
         (VCD, asked(ports={"q": "tb.q"}), bits(4), "no signal tb.q; similar: tb.dut.q"),
         (VCD, asked(ports={"q": "tb.dut.level"}), bits(4), "is a real"),
         (VCD, asked(ports={"q": "tb.dut.q[5:2]"}), bits(4), "bit 5 of a signal of 4"),
-        (VCD, asked(ports={"q": "tb.dut.q[0:3]"}), bits(4), "0 is below 3"),
+        (VCD, asked(ports={"q": "tb.dut.q[0:3]"}), bits(4), "high bit 0 is below low bit 3"),
         (VCD, asked(), bits(5), "4 bits in the dump, 5 in the manifest"),
         (VCD, asked(clock="tb.dut.q"), bits(4), "the clock has 4 bits"),
         (VCD, asked(clock="tb.rst"), bits(4), "no rising edge"),
@@ -139,7 +139,7 @@ def test_csv_in_decimal_and_hex(tmp_path):
     ("text", "said"),
     [
         ("q\n", "at least one row"),
-        ("q,q\n1,1\n", "same name"),
+        ("q,q\n1,1\n", "duplicate column q"),
         ("q,r\n1\n", "row 0: 1 cells"),
         ("r\n1\n", "no column q"),
         ("q\n1.5\n", "'1.5' is not an integer"),
@@ -174,7 +174,7 @@ def test_the_content_of_a_dump_decides_what_it_is(tmp_path, first, kind):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("$var reg 4 #", "$var reg 99999999 #", "port q: a signal of 99999999 bits, above the limit 4096"),
+        ("$var reg 4 #", "$var reg 99999999 #", "port q: its signal has 99999999 bits, above the limit 4096"),
         ("#20", "#" + "9" * 5000, "is malformed or earlier"),
         ("b0 #", "b #", "a value without bits"),
         ("b0 #", "x" * 3_000_000, "a word has more than 65536 characters"),

@@ -135,7 +135,7 @@ def test_what_the_reading_of_xe2_says():
     """A_d is 1/cos near its minimum; the switch's delay as a phase."""
     assert f"1e-5 of A_d is {math.degrees(math.acos(1 - 1e-5)):.2f} deg" in roles.NODE_XE2
     plant = Config().plant
-    assert f"would take {360 * plant.fx_hz * plant.sid_switch_s:.2f} deg off" in roles.NODE_XE2
+    assert f"lower the model's value by {360 * plant.fx_hz * plant.sid_switch_s:.2f} deg" in roles.NODE_XE2
 
 
 # ---- the verdict -----------------------------------------------------------------------------------------------------

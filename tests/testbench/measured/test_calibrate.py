@@ -127,7 +127,7 @@ def test_a_value_at_its_limit_is_named(small, monkeypatch):
 
 @pytest.mark.parametrize(
     ("rows", "line"),
-    [([("noise.seed", 1.0, 1.0)], "is no key of"), ([], "names no parameter")],
+    [([("noise.seed", 1.0, 1.0)], "not a key of"), ([], "names no parameter")],
 )
 def test_what_cannot_be_fitted_is_refused(small, rows, line):
     record = copy.deepcopy(small)

@@ -83,7 +83,8 @@ def test_without_them_it_cannot(middle):
     table = record.tables["initial"]
     record.tables["initial"] = {k: TableColumn(c.data[1:], c.unit) for k, c in table.items()}
     residual = firmware_residual.residual(record)
-    assert residual.verdict == "R0 not decidable: frame 0 is not a power-on, and /initial does not contain every register"
+    why = "frame 0 is not a power-on, and /initial does not contain every register"
+    assert residual.verdict == f"R0 not decidable: {why}"
     assert residual.first is None
 
 

@@ -92,12 +92,12 @@ def test_eighty_wrong_and_two_hundred_right_records(tmp_path, capsys):
     assert len(misses) <= 0.05 * WRONG
 
 
-@pytest.mark.parametrize("words", ["adc_yI and adc_yQ exchanged", "adc_yQ negated", "adc_yQ +1 row off"])
+@pytest.mark.parametrize("words", ["adc_yI and adc_yQ exchanged", "adc_yQ negated", "adc_yQ shifted by +1 row"])
 def test_the_replay_names_one_mistake_in_the_streams_of_the_converter(own, tmp_path, words):
     one, other = (own.streams[name].data for name in ("adc_yI", "adc_yQ"))
     if "exchanged" in words:
         meanings.codes(own, "adc_yI", other)
-    told = {"a": one, "d": -other, "f": np.roll(other, 1)}[words[-1]] if "exchanged" not in words else one
+    told = {"a": one, "d": -other, "w": np.roll(other, 1)}[words[-1]] if "exchanged" not in words else one
     meanings.codes(own, "adc_yQ", told)
     line = findings(tmp_path / "a.h5", own)[-1]
     assert line.startswith("R16 /streams/")
@@ -109,7 +109,7 @@ def test_two_mistakes_are_no_single_one(own, tmp_path):
         meanings.codes(own, name, -own.streams[name].data)
     line = findings(tmp_path / "a.h5", own)[-1]
     assert line.startswith("R16 /streams/")
-    assert "0 LSB if" not in line
+    assert "0 LSB with" not in line
 
 
 def test_what_is_implausible_is_a_warning_that_every_reader_sees(own, tmp_path):
@@ -136,9 +136,8 @@ def test_required_streams_alone_are_checked_and_what_tracing_lacks_is_named(smal
     for name in meanings.OPTIONAL:
         record.streams.pop(name, None)
     assert checks.check(record) == []
-    line = (
-        "/streams/[a-z_]*word: expected a stream with one row per frame, found none; the observable [a-z_]* is computed from it"
-    )
+    line = "/streams/[a-z_]*word: expected a stream with one row per frame, found none; "
+    line += "the observable [a-z_]* is computed from it"
     with pytest.raises(ConfigError, match=line):
         loop_record.measured_features(record, "a", {})
     with pytest.raises(ConfigError, match=line):

@@ -59,7 +59,7 @@ def test_the_plan_on_the_page_is_one(tmp_path):
         ({"condition": [{"id": "a"}, {"id": "a"}]}, "condition ids must differ"),
         ({"set": {"scenario.seconds": 3.0}}, r"expected a key of \[firmware\]"),
         ({"truth": {"plant.qx": -1.0}}, "plant.qx = -1.0 is below the limit"),
-        ({"set": {"noise.seed": 3}}, "the plan's own key seed"),
+        ({"set": {"noise.seed": 3}}, "the plan's key seed"),
         ({"prior": [{"param": "plant.qx"}]}, "needs param, mean and sd"),
     ],
 )

@@ -153,7 +153,7 @@ SPOILT = {
     "R05": (lambda r: stream(r, "adc_xQ", data=r.streams["adc_xQ"].data[:-1]), "R05 /streams/adc_xQ expected"),
     "R06 by one": (edge_before, "R06 /stimulus/rate/edge expected rising edges"),
     "R06": (swapped_edges, "R06 /stimulus/rate/edge expected rising edges"),
-    "R07": (lambda r: dropped(r, 5000), "R07 /streams/nco_pword expected the phase to follow the word"),
+    "R07": (lambda r: dropped(r, 5000), "R07 /streams/nco_pword expected phase steps equal to the frequency word"),
     "R08": (lambda r: stream(r, "adc_xI", den=3251), "R08 /streams/adc_xI expected rate 1/3250"),
     "R08 clock": (
         lambda r: setattr(r, "clock_hz", 24_000_000),
@@ -161,10 +161,10 @@ SPOILT = {
     ),
     "R08 edge": (lambda r: stream(r, "adc_xQ", edge0=1), "R08 /streams/adc_xQ expected edge0"),
     "R09": (nan_rate, "R09 /stimulus/rate/rate expected finite numbers"),
-    "R10 stuck": (lambda r: codes(r, "adc_yQ", fit_rows(r), 3), "R10 /streams/adc_yQ expected a living stream"),
+    "R10 stuck": (lambda r: codes(r, "adc_yQ", fit_rows(r), 3), "R10 /streams/adc_yQ expected codes that change"),
     "R10 saturated": (
         lambda r: codes(r, "adc_yQ", slice(fit_rows(r).start, fit_rows(r).start + 9), (1 << 23) - 1),
-        "R10 /streams/adc_yQ expected at most 0.1 % at the rails",
+        "R10 /streams/adc_yQ expected at most 0.1 % of the codes at the rails",
     ),
     "R11 bitstream": (lambda r: r.attrs.update(bitstream_sha256="0" * 64), "R11 / expected bitstream_sha256"),
     "R11 register": (lambda r: column(r, "registers", "addr", 0, 0x3F), "R11 /registers expected a writable"),
@@ -224,7 +224,7 @@ def test_a_missing_repeat_is_a_downgrade(own):
     alone(own)
     (finding,) = checks.check(own)
     assert (finding.rule, finding.level) == ("R14", schema.DOWNGRADED)
-    assert "ranking only" in finding.text
+    assert "ranked, not confirmed" in finding.text
 
 
 def void(record, row):

@@ -192,5 +192,5 @@ def test_codes_at_every_tick_are_the_boards(board):
 
 
 def test_a_firmware_with_a_notch_is_refused():
-    with pytest.raises(ConfigError, match=r"firmware\.notch_hz: the replay of a record has no notch"):
+    with pytest.raises(ConfigError, match=r"firmware\.notch_hz: a record cannot be replayed with a notch"):
         replay.order(build.firmware(changed(Config(), {"firmware.notch_hz": 139.0})))

@@ -43,8 +43,8 @@ def test_the_sheet_has_the_tolerances_of_a_data_sheet_about_the_configured_board
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('[factor]\n"plant.qx" = 0.5', "plant.qx: 0.5: above 1 and at most 10"),
-        ('[relative]\n"plant.qz" = 0.5', "plant.qz: is no key of"),
+        ('[factor]\n"plant.qx" = 0.5', "plant.qx: 0.5, expected a number above 1 and at most 10"),
+        ('[relative]\n"plant.qz" = 0.5', "plant.qz: not a key of"),
         ('[relative]\n"plant.qx" = true', "plant.qx: True"),
         ('[relative]\n"plant.qx" = 0.1\n[factor]\n"plant.qx" = 2.0', "duplicate"),
         ("[sd]\na = 1", "expected the tables relative and factor"),

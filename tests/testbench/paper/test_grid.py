@@ -78,9 +78,9 @@ def test_edges_that_stand_on_the_grid_leave_a_wide_start():
 def test_stamps_of_another_record_are_refused():
     words = words_of(11002.4386)
     instants, _ = pins(words, 0, 0, 26)
-    with pytest.raises(ValueError, match="edges disagree with the words by"):
+    with pytest.raises(ValueError, match="differ from the frequency words by"):
         grid.start(words + words // 1000, instants, 0, EACH_TICK)
-    with pytest.raises(ValueError, match="none within the 160 frames"):
+    with pytest.raises(ValueError, match="none is within the 160 recorded frames"):
         grid.start(words, instants + FRAMES * 125, 0, EACH_TICK)
 
 

@@ -124,7 +124,7 @@ def test_a_fifo_is_not_waited_for(calls, tmp_path):
 def test_one_process_at_a_time(tmp_path):
     one, other = (paper_study.Study(config.Config(), tmp_path, paper_study.SMALL) for _ in range(2))
     with one.lock_folder():
-        with pytest.raises(FileError, match=rf"another study is at work here: process {os.getpid()} on "):
+        with pytest.raises(FileError, match=rf"another study is running in this folder: process {os.getpid()} on "):
             with other.lock_folder():
                 pass
     with other.lock_folder():

@@ -160,7 +160,7 @@ def test_a_record_of_a_foreign_plant_is_accepted_and_its_firmware_replays(tmp_pa
 
 def test_a_record_refuses_what_it_could_not_hold(resonator, tmp_path):
     for values, line in (
-        ({"truth": {"plant.qy": 1.9e5}}, r"\[truth\] plant\.qy: the plant does not read it"),
+        ({"truth": {"plant.qy": 1.9e5}}, r"\[truth\] plant\.qy: the plant library does not read this key"),
         ({"condition": [{"id": "a", "counter_s": 0.1}]}, r"condition a: counter_s = 0\.1 s"),
     ):
         with pytest.raises(ConfigError, match=line):
@@ -174,7 +174,7 @@ def test_a_record_refuses_what_it_could_not_hold(resonator, tmp_path):
         ),
         ("+ LATE - into + k * FRAME * CLOCKS;", "+ LATE + m % 2 - now * CLOCKS;"),
     ]
-    with pytest.raises(ConfigError, match="is not at its clock of a frame"):
+    with pytest.raises(ConfigError, match="comes at another clock of its frame"):
         produce.record(planned(compiled(tmp_path, "moving", changes=moving)))
     early = [("{FRAME * CLOCKS + LATE, 2", "{2000, 2")]
     with pytest.raises(ConfigError, match="DRDY falls first at 2000 clocks; a record needs"):
@@ -315,7 +315,7 @@ def test_an_interrupted_run_goes_on_to_the_same_codes_with_its_plant_named_again
     with pytest.raises(KeyboardInterrupt):
         simulate.run(checked, stop_at(0.25), tmp_path / "cut")
     done = gyro("run", "--resume-run", "cut", folder=tmp_path)
-    assert (done.returncode, "only the option --plant can" in done.stderr) == (2, True)
+    assert (done.returncode, "only the option --plant may name one" in done.stderr) == (2, True)
     done = gyro("run", "--resume-run", "cut", "--plant", resonator_py, "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)

@@ -358,7 +358,7 @@ def test_nothing_here_can_execute_what_it_reads():
         (lambda w: w.stream("a", "V", object), "is not a number type"),
         (lambda w: w.stream("a", "V", float, den=0), "not a ratio"),
         (lambda w: w.stream("a", "V", float, note=["list"]), "attribute of type list"),
-        (lambda w: [w.stream("a", "V", float), w.stream("a", "V", float)], "declared twice"),
+        (lambda w: [w.stream("a", "V", float), w.stream("a", "V", float)], "duplicate stream"),
         (lambda w: [w.stream("a", "V", float), w.stream("b", "V", float), w.append(a=[1.0])], "different lengths"),
         (lambda w: w.table("t", {"a": ("V", [1.0]), "b": ("V", [1.0, 2.0])}), "different lengths"),
         (lambda w: w.table("t", {"a": ("furlong", [1.0])}), "unit 'furlong'"),

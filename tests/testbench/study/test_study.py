@@ -197,7 +197,11 @@ def test_the_command_writes_predictions_first_and_compares(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("[axes.seed]\nnoise.seed = [1, 2]\n", "", "has the axes seed, of noise.seed alone, and design, of cases"),
+        (
+            "[axes.seed]\nnoise.seed = [1, 2]\n",
+            "",
+            "needs exactly two axes: seed, with noise.seed alone, and design, with cases",
+        ),
         ("tau_s = [10.0]", "tau_s = [1.0]", "tau_s = [1.0] lacks 10 s"),
         ("design.adc_bits = 18", "design.adc_bits = 15", "adc_bits = 15 is below"),
     ],

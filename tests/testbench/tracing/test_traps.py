@@ -243,5 +243,5 @@ def test_refined_noise_finds_the_flicker_and_where():
 def test_an_unknown_nuisance_width_is_refused():
     problem = Toy(0)
     problem.nuisances = (Nuisance("f0", "Hz", 1.0, 0.0), *problem.nuisances[1:])
-    with pytest.raises(ConfigError, match=r"nuisance f0: value 1\.0 sd 0\.0 Hz"):
+    with pytest.raises(ConfigError, match=r"nuisance f0: value 1\.0, sd 0\.0 Hz"):
         trace(problem, QUICK)

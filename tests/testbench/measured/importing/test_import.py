@@ -181,7 +181,7 @@ def test_behind_a_lost_row_nothing_is_used(board, tmp_path):
 
 
 LATE = {
-    "no stamp": ("", 5, "no row without a conversion, and no stamp of the power-on"),
+    "no stamp": ("", 5, "no row without a conversion, and no time stamp of the power-on"),
     "stamp": ("power_on = 0.0", 5, "the first row is frame 5 by its time stamp: 4 conversions are missing"),
 }
 
@@ -195,10 +195,10 @@ def test_a_late_start_is_told_and_goes_on(board, tmp_path, case):
     assert set(found.record.streams) == set(ADC)
     write_record(tmp_path / "late.h5", found.record)
     loaded = load_record.load(tmp_path / "late.h5")
-    assert "R0 not decidable: frame 0 is no power-on" in loaded.residual.verdict
+    assert "R0 not decidable: frame 0 is not a power-on" in loaded.residual.verdict
     done = gyro("measured", "trace", tmp_path / "late.h5")
     assert done.returncode == 2
-    assert "the observable f_word is made of it" in done.stderr
+    assert "the observable f_word is computed from it" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 
@@ -235,7 +235,7 @@ def test_another_firmware_is_imported_with_its_words_and_r1_works(board, tmp_pat
     assert "R0 not decidable: skipped, regmap_sha256 1111111111111111" in loaded.residual.verdict
     done = gyro("measured", "trace", tmp_path / "a.h5")
     assert done.returncode == 2
-    assert "regmap_sha256 is another firmware's" in done.stderr
+    assert "regmap_sha256 belongs to another firmware" in done.stderr
 
 
 def test_two_files_of_one_condition_are_repeats(board, tmp_path):
@@ -304,7 +304,7 @@ def test_a_dwell_ends_where_the_lock_is_lost():
 
 WRONG = {
     "unknown key": (MAP + columns() + "[dwell]\n", "dwell: Extra inputs are not permitted"),
-    "no stream": (MAP + columns() + 'adc_z = { column = "t" }\n', "columns.adc_z: is no stream"),
+    "no stream": (MAP + columns() + 'adc_z = { column = "t" }\n', "columns.adc_z: is not a stream"),
     "missing": (MAP + columns().replace("adc_yQ", "adc_ok"), "columns.adc_yQ is missing"),
     "unit": (MAP + columns("furlong"), "columns.adc_xI.unit: Input should be"),
     "hertz": (MAP + columns("Hz"), "columns.adc_xI: unit 'Hz' is valid only for nco_fword"),
@@ -341,7 +341,7 @@ BROKEN = {
     "beyond the converter": (lambda t: t | {"rate": t["rate"] + 2.0**23}, "is code 8388608 of adc_yI, outside"),
     "two codes at one time": (
         lambda t: t | {"t": np.where(np.arange(len(t["t"])) == 5000, t["t"][4999], t["t"])},
-        "row 5001: two rows of one time",
+        "row 5001: two rows have the same time",
     ),
 }
 
@@ -380,6 +380,6 @@ def test_a_late_start_with_its_words_can_be_traced(board, tmp_path, monkeypatch)
     cut = imported(tmp_path, {key: v[8000:] for key, v in table.items()}, late)
     assert whole.lacking == ""
     assert "no word can be replayed" in cut.lacking
-    assert cut.lines[-1] == "R0 is not decidable; tracing works"
+    assert cut.lines[-1] == "R0 is not decidable; tracing is possible"
     a, b = (loop_record.measured_features(found.record, "a", {}).values["a"] for found in (whole, cut))
     assert np.array_equal(a, b)

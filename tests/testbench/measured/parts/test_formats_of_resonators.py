@@ -35,7 +35,7 @@ def test_one_port_of_any_kind_and_unit(tmp_path, kind, row):
     [
         ("# Hz Y MA R 50\n1 2 3\n", "expected"),
         ("1 2 3\n" * 30, "no option line"),
-        ("# Hz S MA R 50\n" + "1 2 3\n" * 30, "stand still"),
+        ("# Hz S MA R 50\n" + "1 2 3\n" * 30, "all frequencies are equal"),
         ("# Hz S MA R 50\n" + "".join(f"{k} 2\n" for k in range(30)), "columns"),
         ("# Hz S MA R 50\n1 2 3\n2 2\n", "2 numbers"),
         ("# Hz S MA R 50\n1 a 3\n", "not a row"),

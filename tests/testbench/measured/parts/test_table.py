@@ -38,7 +38,7 @@ def test_columns_without_names_texts_and_empty_cells(tmp_path):
     assert found["when"].tolist() == ["2020-01-01", "2020-01-02"]
     with pytest.raises(FileError, match=r"'v': '2,5' is not a number"):
         numeric_columns("b", found, ("v",))
-    with pytest.raises(FileError, match="no column 'w'; there are when, v"):
+    with pytest.raises(FileError, match="no column 'w'; known: when, v"):
         numeric_columns("b", found, ("w",))
 
 

@@ -56,11 +56,11 @@ def ring(tmp_path, **changes):
     [
         ('file = "data"', 'file = "../data"', "is outside the folder of the map"),
         ('file = "data"', 'file = "nothing"', "cannot be read"),
-        ('"c1"', '"c9"', "no column 'c9'; there are c0, c1"),
+        ('"c1"', '"c9"', "no column 'c9'; known: c0, c1"),
         ('unit = "ms"', 'unit = "mV"', "unit 'mV' is none of s, ms"),
-        ("power =", "volts =", "columns.volts: none of time, power of kind ring-down"),
+        ("power =", "volts =", "columns.volts: is not a role of kind ring-down; known: time, power"),
         ('power = {column = "c1", unit = "mW"}', "", "needs power; add them to the map"),
-        ("[head]", "[head]\ncolour = 1", "head.colour: none of"),
+        ("[head]", "[head]\ncolour = 1", "head.colour: is not a known key"),
         ('kind = "ring-down"', 'kind = "ring-down"\nextra = 1', "extra"),
         ('unit = "ms"', 'unit = "ms", range = [0, 1]', "unit: c0.*outside 0 .. 1 ms"),
     ],
@@ -80,10 +80,10 @@ def test_a_range_tells_a_slip_of_the_unit(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("% t [s], p [dBm]\n1, 2\n", "wanted '% time \\[s\\]"),
+        ("% t [s], p [dBm]\n1, 2\n", "expected '% time \\[s\\]"),
         ("# Hz Z RI R 50\n1 2 3\n", "Touchstone: found '# Hz Z RI R 50'"),
-        ("Date;Volt;a\n", "wanted 'date;source;...'"),
-        ("t,v\n1,2\n", "a table of columns t, v: a column map"),
+        ("Date;Volt;a\n", "expected 'date;source;...'"),
+        ("t,v\n1,2\n", "a table of columns t, v: write a column map"),
     ],
 )
 def test_the_nearest_reader_says_what_it_lacks(tmp_path, text, said):

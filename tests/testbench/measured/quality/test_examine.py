@@ -55,7 +55,7 @@ def test_a_refusal_comes_before_the_fit_and_can_be_overruled(tmp_path):
     with pytest.raises(QualityError, match=r"spikes: power, rows 41 \.\. 41"):
         open_problem([bad], {})
     assert [f.kind for f in open_problem([bad], {"quality": "report"}).quality] == ["spikes"]
-    with pytest.raises(ConfigError, match="quality=no: report is the only word"):
+    with pytest.raises(ConfigError, match="quality=no: expected report"):
         open_problem([bad], {"quality": "no"})
 
 
