@@ -218,7 +218,7 @@ def output(code):
     process = _spawn_python(code)
     printed_text, _ = process.communicate()
     if process.returncode:
-        raise RuntimeError(f"a process of the benchmark failed with exit code {code}")
+        raise RuntimeError(f"a process of the benchmark failed, exit code {process.returncode}: {code}")
     return printed_text.splitlines()[-1]
 
 

@@ -29,7 +29,9 @@ Name = Annotated[
 ]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace one value in the section set of the plan; may be repeated."),
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Replace one value in the section set of the plan; may be repeated."
+    ),
 ]
 Engines = Annotated[
     list[str] | None,

@@ -366,7 +366,7 @@ def trace(o):
 
     opener_options = _pairs(o.option) | ({"priors": o.priors} if o.priors else {})
     with _progress(False) as progress, refuse_singular_data(o.files):
-        part_report, name = trace_recording.trace_table(o.files, opener_options), "numbers"
+        part_report, name = trace_recording.trace_table(o.files, opener_options), "a table of numbers"
         if not part_report:
             problem = open_problem(o.files, opener_options)
             part = isinstance(problem, PartProblem)
@@ -376,7 +376,9 @@ def trace(o):
             part_report, name = trace_recording.trace_problem(problem, options, progress), problem.name
         if part_report:
             page_text = (
-                part_page.page(name, trace_recording.report_section("Verdict", *part_report)) if o.report else ""
+                part_page.page(f"Trace of {name}", trace_recording.report_section("Verdict", *part_report))
+                if o.report
+                else ""
             )
             _write_text_files({o.json_file: trace_recording.text(part_report[0]), o.report: page_text})
             return _print_trace(part_report[0])

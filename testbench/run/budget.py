@@ -158,11 +158,7 @@ def _amplifiers(config, temp_degc, f_hz):
 
 
 def budget(config, temp_degc=None, frequency_hz=None):
-    """Phase budget of a configuration; `node_deg()` of it has the four lags in degrees.
-
-    temp_degc     None: the scenario's first temperature
-    frequency_hz  None: f_x
-    """
+    """Phase budget; temp_degc None: the scenario's first temperature, frequency_hz None: f_x."""
     start = require_config(config).scenario.temperature_degc
     if temp_degc is None:
         temp_degc = start if isinstance(start, (int, float)) else start[0][1]

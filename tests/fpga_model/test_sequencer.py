@@ -338,5 +338,5 @@ def test_design_refuses(wrong):
 def test_design_refuses_a_wait_beyond_the_count_of_frames(wait):
     waits = {"offline_s": 4 / 8000, "recover_s": 4 / 8000, wait: 9 / 8000}
     assert sequencer.design(**waits, faults=fault_monitor.design(top=9)).faults.top == 9
-    with pytest.raises(ValueError, match="counted up to 8; offline_s and recover_s need 9"):
+    with pytest.raises(ValueError, match="offline_s and recover_s need 9 frames; the frame counters end at 8"):
         sequencer.design(**waits, faults=fault_monitor.design(top=8))

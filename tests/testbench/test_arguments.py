@@ -65,7 +65,7 @@ CALLS = {
     "window[0] = nan": lambda _: sim(window=(NAN, 5)),
     "window[1] = 0": lambda _: sim(window=(5, 0)),
     "engine = 'x' is not one of": lambda _: Simulation(DEFAULT, 25.0, 25.0, engine="x"),
-    "config = 'x.toml' is no configuration": lambda _: Simulation("x.toml", 25.0, 25.0),
+    "config = 'x.toml' is not a configuration": lambda _: Simulation("x.toml", 25.0, 25.0),
     "config = None": lambda _: simulate.run(None),
     "config = 5": lambda _: budget.budget(5),
     "config = {}": lambda _: config.to_toml({}),

@@ -47,8 +47,8 @@ def parameters(model, tolerances, declared=()):
         if key in declared_keys:
             continue
         if not mean or (kind == "factor" and mean < 0):
-            wanted = "a value above 0" if kind == "factor" else "a value other than 0"
-            raise ConfigError(f"data sheet: {key} = {mean:g}, a {kind} tolerance needs {wanted}")
+            limit = "a value above 0" if kind == "factor" else "a value other than 0"
+            raise ConfigError(f"data sheet: {key} = {mean:g}, a {kind} tolerance needs {limit}")
         logarithmic = mean > 0 and key not in ("plant.fx_hz", "plant.fy_hz")
         scale = math.log(tolerance) if kind == "factor" else tolerance if logarithmic else tolerance * abs(mean)
         out.append(Parameter(key, field.unit, mean, scale, logarithmic, field.lo, field.hi))

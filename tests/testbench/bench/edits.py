@@ -71,7 +71,9 @@ def main():
     for name, times in measure(int(sys.argv[1]) if len(sys.argv) > 1 else 3).items():
         rows.append((name, f"{statistics.median(times):.1f} s", " ".join(f"{t:.1f}" for t in times)))
         print("   ".join(rows[-1]))
-    table = Table("", ("after an edit of", "median wall time", "rounds, s"), rows, f"Measured on {machine.cpu()}.", (1,))
+    table = Table(
+        "", ("after an edit of", "median wall time", "rounds, s"), rows, f"Measured on {machine.cpu()}.", (1,)
+    )
     write_results("edits", "python -m tests.testbench.bench.edits", [table])
 
 

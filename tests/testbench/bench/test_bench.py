@@ -361,7 +361,7 @@ def test_memory_of_a_gyroscope_in_lanes():
 
 def test_a_process_that_fails_is_no_measurement():
     assert kernels.output("print(1); print(2)") == "2"
-    with pytest.raises(RuntimeError, match="a process of the bench failed"):
+    with pytest.raises(RuntimeError, match="a process of the benchmark failed, exit code 3"):
         kernels.output("import sys; sys.exit(3)")
 
 

@@ -352,7 +352,7 @@ def test_without_a_compiler_or_a_folder_the_export_is_one_line(monkeypatch, tmp_
         export_fmu.export(tmp_path / "file", config.Config())
     monkeypatch.undo()
     monkeypatch.setenv("CC", "no-such-compiler")
-    with pytest.raises(ConfigError, match="gyro fmu: no-such-compiler is not installed; a C compiler is needed"):
+    with pytest.raises(ConfigError, match="gyro fmu: the C compiler no-such-compiler is not installed; install it"):
         export_fmu.export(tmp_path / "other", config.Config())
     assert not (tmp_path / "other").exists()
     with pytest.raises(ConfigError, match=r"--fmi 1.0: one of 3.0, 2.0 is needed"):

@@ -63,9 +63,9 @@ def test_a_law_that_a_slope_over_temperature_takes_asks_for_a_second_amplitude()
     (line,) = loop_offers.describe_shadowed_laws(_problem())
     # orthogonal to the slope: 0.5, of which qy takes a half of the square; without the slope the whole law is left
     left = np.sqrt(0.5**2 / 2) / np.sqrt(25 + 0.5**2 / 2)
-    assert "beside plant.dlnq_per_k: bend" in line
+    assert "together with plant.dlnq_per_k: bend" in line
     assert "free" not in line
-    assert f"({left:.0%} left)" in line
+    assert f"({left:.0%} of its size remains)" in line
     assert "7 um at 25 degC, 2 um at 50 degC" in line
 
 

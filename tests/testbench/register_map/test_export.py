@@ -173,7 +173,7 @@ def test_a_folder_of_anything_else_is_not_replaced(exported, tmp_path):
 @pytest.mark.parametrize("name", ["systemrdl", "peakrdl_html"])
 def test_a_missing_package_is_one_line_and_leaves_nothing(exported, tmp_path, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ConfigError, match=rf"^{name}: not installed; pip install 'ftr-gyro\[registers\]'$"):
+    with pytest.raises(ConfigError, match=rf"^{name}: not installed; run pip install '.\[registers\]' in the clone$"):
         export(tmp_path / "map")
     assert list(tmp_path.iterdir()) == []
 

@@ -76,7 +76,7 @@ def test_laws_that_are_alike_do_not_correct_each_other_into_a_cause():
         _, result = near(seed, "seep", 75, 85)
         assert result.verdict == "unexplained", result.sentence
         assert all(e["p"] is None and e["status"] == "partial" for e in result.effects)
-        assert any("too alike" in m.get("failed", "") for m in result.models)
+        assert any("too similar" in m.get("failed", "") for m in result.models)
 
 
 def test_a_small_law_beside_a_large_one_is_taken_for_a_correction_of_its_shape():

@@ -174,7 +174,9 @@ def test_a_law_of_the_library_that_does_as_well_is_of_the_class_with_its_chi2():
     for name, effect, _ in (one, two):
         assert (effect["value"], effect["unit"]) == (pytest.approx(least(name)[0]), "V")
     assert (one[2], two[2]) == (0.0, pytest.approx(least(two[0])[1] - least(one[0])[1]))
-    assert result.next_experiment[0]["words"].startswith("no available condition separates slope and bent; the best is s")
+    assert result.next_experiment[0]["words"].startswith(
+        "no available condition separates slope and bent; the best is s"
+    )
 
 
 def test_a_misspelt_member_is_an_error():

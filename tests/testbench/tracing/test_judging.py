@@ -233,7 +233,12 @@ def test_the_page_is_whole_and_needs_nothing_else():
     assert page.count("data:image/png;base64,") == 7
     assert not re.search(r"(src|href)=\"http", page)
     assert "<script" not in page
-    for text in ("named", "feed", "Error on held-out data, before and after", "Smallest effect that this record detects"):
+    for text in (
+        "named",
+        "feed",
+        "Error on held-out data, before and after",
+        "Smallest effect that this record detects",
+    ):
         assert text in page
 
 

@@ -69,7 +69,10 @@ def test_an_effect_that_jumps_at_zero_is_never_ranked():
     assert not discontinuous(fit, LAWS[-1])
     result = trace(problem, QUICK)
     assert [e["law"] for e in result.effects] == ["feed"]
-    assert {"laws": ["jumping"], "failed": "the prediction jumps where the coefficient of jumping is 0"} in result.models
+    assert {
+        "laws": ["jumping"],
+        "failed": "the prediction jumps where the coefficient of jumping is 0",
+    } in result.models
 
 
 def test_a_start_that_diverges_is_shortened_and_what_stays_diverged_has_failed():
@@ -170,7 +173,9 @@ def test_declared_looks_widen_every_p():
 def test_a_covariance_from_too_few_draws_is_corrected_or_refused():
     problem = Toy(0)
     problem.noise_estimated_from = (20, 32)
-    with pytest.raises(ConfigError, match="noise of 32 features is estimated from 20 deviations, at least 35 are needed"):
+    with pytest.raises(
+        ConfigError, match="noise of 32 features is estimated from 20 deviations, at least 35 are needed"
+    ):
         trace(problem, QUICK)
     rng = np.random.default_rng(0)
     features, deviations, chi2 = 32, 64, []
