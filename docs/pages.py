@@ -183,6 +183,7 @@ PARTS = {
     "faults": lambda: markdown(code_cells(reference_tables.fault_table(), 0)),
     "target": lambda: markdown(code_cells(reference_tables.target_table(), 0, 1)),
     "effects": effects_part,
+    "columns": lambda: markdown(code_cells(reference_tables.column_table(), 0)),
     "register_map": lambda: markdown(code_cells(reference_tables.register_table())),
     "judged": judged_part,
     "simulated": simulated_part,

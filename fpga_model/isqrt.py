@@ -1,13 +1,14 @@
 """Integer square root, one result bit per clock: root = floor(sqrt(u)), remainder = u - root**2.
 
-    load      radicand = u,  root = remainder = 0
+    load      radicand = u,  root = remainder = i = 0,  busy = 1,  done = 0
     iterate   pair  = 4*remainder + (two top bits of radicand)
               trial = 4*root + 1
               fits  = pair >= trial                           16 times
               remainder = pair - trial if fits else pair
               root      = 2*root + fits
-              radicand  = 4*radicand mod 2**32
-    finish    the 16th iteration also loads y = root and raises done for one clock
+              radicand  = 4*radicand mod 2**32,  i = i + 1 mod 16,  done = 0
+    finish    the 16th iteration (i = 15) also loads y = root:  i = 0,  busy = 0,  done = 1
+    idle      done = 0 while busy = 0, so done lasts one clock
 
     u --[radicand]--(top 2)--(- trial)--[remainder]        [..] register
                                sign --> [root] --> [y]

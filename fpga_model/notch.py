@@ -15,8 +15,9 @@ Cost      116 register bits, three multipliers
 Source    docs/loop.md (why it stands behind the loop)
 
 The gain is 0 at the centre, -3 dB at both ends of the width, and 1 at 0 Hz for any g and c: a constant rate keeps its
-word. Ten fraction bits keep the dead band below 1 LSB. The force does not pass it, so it changes no margin of the loop;
-in front of the PI it would take away the feedback that damps the ring at the split.
+word. Ten fraction bits keep the dead band below 1 LSB. y saturates at -2^33 and (2^23 - 1)*2^10 LSB, the limits of
+`out`. The force does not pass it, so it changes no margin of the loop; in front of the PI it would take away the
+feedback that damps the ring at the split.
 
 A design without it (`firmware.notch_hz` = 0) has None in place of its parameters and registers (`block.reset`). Lanes
 engine, Verilog of the whole design and replay of measured records refuse it.

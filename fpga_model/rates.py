@@ -2,7 +2,7 @@
 
     tick[n+1]  = tick[n] + 1 mod 26                                   26: `tick_clocks` of the design
     frame[n+1] = frame[n] + 1 mod 125 when tick wraps, else held     125: `frame_ticks`
-    slot[n+1]  = 1 if go, else slot[n] + 1 while 1 <= slot[n] < SLOTS, else 0
+    slot[n+1]  = 1 if go, else slot[n] + 1 while 1 <= slot[n] < SLOTS, else 0     SLOTS = 60
 
     [tick] --(== 25)--> en [frame]        go --> [slot]        ce_1m = (tick == 0), ce_8k = ce_1m and (frame == 0)
 

@@ -4,10 +4,6 @@ A row is the record depth first, tuples of registers in place. `store` runs insi
 `names`, `widths` and `rebuild` walk the same order in Python, from the record and its formats alone.
 """
 
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, register_jitable
-
 from fpga_model.block import fill_shape, leaves
 from fpga_model.jit import DISABLED
 
@@ -30,36 +26,38 @@ def _store_python(row, record):
         row[k] = value
 
 
-@intrinsic
-def _store_native(typingctx, row, record):
-    def codegen(context, builder, signature, args):
-        array = context.make_array(signature.args[0])(context, builder, args[0])
-        position = 0
-
-        def store_leaves(kind, value):
-            nonlocal position
-            if isinstance(kind, types.NoneType):
-                return
-            if isinstance(kind, types.BaseTuple):
-                for k, item in enumerate(kind.types):
-                    store_leaves(item, builder.extract_value(value, k))
-                return
-            pointer = cgutils.get_item_pointer(
-                context, builder, signature.args[0], array, [context.get_constant(types.intp, position)]
-            )
-            wide = context.cast(builder, value, kind, types.int64)
-            context.pack_value(builder, types.int64, wide, pointer)
-            position += 1
-
-        store_leaves(signature.args[1], args[1])
-        return context.get_dummy_value()
-
-    return types.void(row, record), codegen
-
-
 if DISABLED:
     store = _store_python
 else:
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import intrinsic, register_jitable
+
+    @intrinsic
+    def _store_native(typingctx, row, record):
+        def codegen(context, builder, signature, args):
+            array = context.make_array(signature.args[0])(context, builder, args[0])
+            position = 0
+
+            def store_leaves(kind, value):
+                nonlocal position
+                if isinstance(kind, types.NoneType):
+                    return
+                if isinstance(kind, types.BaseTuple):
+                    for k, item in enumerate(kind.types):
+                        store_leaves(item, builder.extract_value(value, k))
+                    return
+                pointer = cgutils.get_item_pointer(
+                    context, builder, signature.args[0], array, [context.get_constant(types.intp, position)]
+                )
+                wide = context.cast(builder, value, kind, types.int64)
+                context.pack_value(builder, types.int64, wide, pointer)
+                position += 1
+
+            store_leaves(signature.args[1], args[1])
+            return context.get_dummy_value()
+
+        return types.void(row, record), codegen
 
     @register_jitable
     def store(row, record):

@@ -19,6 +19,7 @@ def config(
     faults: Annotated[bool, typer.Option("--faults", help="Kinds of faults of a scenario.")] = False,
     targets: Annotated[bool, typer.Option("--targets", help="Keys of a target for gyro design.")] = False,
     effects: Annotated[bool, typer.Option("--effects", help="Effects: keys of the section effects.")] = False,
+    columns: Annotated[bool, typer.Option("--columns", help="Columns of a run with their LSB.")] = False,
     as_json: Json = False,
 ):
     """List what a file may contain: keys with default, limits, unit and meaning; without options all keys."""
@@ -28,12 +29,13 @@ def config(
 
     if section is not None and section not in sections():
         raise ConfigError(f"--section: {section!r} is not a section; known: {', '.join(sections())}")
-    names = (section,) if section else sections() if keys or not (faults or targets or effects) else ()
+    names = (section,) if section else sections() if keys or not (faults or targets or effects or columns) else ()
     chosen = [tables.section_table(name) for name in names]
     for is_requested, table in (
         (faults, tables.fault_table),
         (targets, tables.target_table),
         (effects, tables.effect_table),
+        (columns, tables.column_table),
     ):
         chosen += [table()] if is_requested else []
     print_reference(chosen, as_json)

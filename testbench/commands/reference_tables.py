@@ -5,11 +5,13 @@ Source  docs/configuration.md
 
 from analog_frontend.effects import catalogue
 from fpga_model import registers
+from fpga_model.design_record import DEFAULT
 from testbench.config import Nominal, Plant, provenance, scenario, sections
 from testbench.config.config_errors import literal_choices, number_limits, number_text, spaced_unit
 from testbench.config.toml_text import toml_value
 from testbench.console.text_table import Table
 from testbench.design.target import Target
+from testbench.engines.engine import FRAME_COLUMNS, TRUTH_COLUMNS
 
 
 def _limits(info):
@@ -62,6 +64,13 @@ def effect_table():
         rows.append((effect.IDS, effect.INFO.name, f"{effect.LIMIT:g}", effect.INFO.unit, effect.DOC))
     heads = ("id", "key of [effects]", "limit", "unit", "what")
     return Table("effects: catalogue of [effects]", heads, rows, numeric=())
+
+
+def column_table():
+    """Columns of a run: one row per 8 kHz frame; the LSB is that of the default design."""
+    columns = [(name, unit.format(dds_bits=DEFAULT.dds_bits)) for name, unit, _ in FRAME_COLUMNS]
+    columns += [(f"truth_{name}", unit) for name, unit in TRUTH_COLUMNS]
+    return Table("columns: 8 kHz rows of a run", ("column", "LSB or unit"), columns, numeric=())
 
 
 def register_table():

@@ -533,14 +533,17 @@ def sections():
     return {name: info.annotation for name, info in Config.model_fields.items()}
 
 
-def to_toml(config):
-    """The whole configuration as TOML, defaults included; `load` gives the same back."""
-    lines = []
-    for section, model in sections().items():
-        lines.append(f"[{section}]")
-        values = getattr(require_config(config), section)
-        for key in model.model_fields:
-            value = getattr(values, key)
-            lines.append(f"{key} = {toml_value(value)}")
-        lines.append("")
+def to_toml(config, inherited=True):
+    """The whole configuration as TOML, defaults included; `load` gives the same back.
+
+    inherited  with the keys that follow [nominal]
+    """
+    tree, lines = require_config(config).model_dump(), []
+    if not inherited:
+        tree = drop_inherited(tree, [f"nominal.{key}" for key in tree["nominal"]])
+        lines += ["# Keys of [plant] and [firmware] that are not in this file have the values of [nominal].", ""]
+    for section, keys in tree.items():
+        if keys:
+            values = getattr(config, section)
+            lines += [f"[{section}]", *(f"{key} = {toml_value(getattr(values, key))}" for key in keys), ""]
     return "\n".join(lines)

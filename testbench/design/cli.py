@@ -47,7 +47,7 @@ def design(
         written = []
         with atomic_outputs():
             if out is not None:
-                write_text(out, to_toml(result.config))
+                write_text(out, to_toml(result.config, inherited=False))
                 written.append(str(out))
             if report is not None:
                 written.append(str(design_page.write(result, report, progress)))

@@ -8,6 +8,8 @@ import numpy as np
 from testbench.config import to_toml
 from testbench.console.text_table import Table
 from testbench.design import margins, range_check
+from testbench.paper.loop import loop_page
+from testbench.run.budget import NODES
 
 CHOSEN = (
     "amplitude_um",
@@ -32,6 +34,24 @@ CHOSEN = (
     "phase_drive_ref_deg",
     "phase_sense_ref_deg",
 )
+
+
+# field of `predicted_values` -> text
+PREDICTED = {
+    **{name: text for name, (text, *_) in loop_page.NUMBERS.items()},
+    "gain_margin_db": loop_page.NUMBERS["gain_margin_up_db"][0],
+    "phase_margin_deg": "phase margin, smallest of lag and lead",
+    "modulus_margin_of_tolerances": "smallest modulus margin within the tolerances",
+    "full_scale_deg_s": "rate of the largest force word",
+    "ring_tau_s": "time constant of the ringing at the split",
+    "lock_s": "time from power-on to lock",
+    "promised_lock_s": "time to lock of the slowest board within the tolerances",
+    "drive_frequency_hz": "drive frequency",
+    "amplitude_um": "drive amplitude",
+    **{f"{name}_deg": f"node phase {name}" for name in NODES},
+    **{f"{name}_loop_deg": f"loop phase {name}'" for name in ("xe2", "ye2")},
+    "leak_deg": "ye1 + xe2', by which rate leaks into quadrature",
+}
 
 
 def predicted_values(result):
@@ -81,7 +101,12 @@ def tables(result):
     chosen += [(name, _six_digits(getattr(f, name)), quantity_unit(name)) for name in CHOSEN]
     simulated = result.simulated._asdict() if result.simulated else {}
     predicted = [
-        (name, _six_digits(value), _six_digits(simulated[name]) if name in simulated else "", quantity_unit(name))
+        (
+            PREDICTED[name],
+            _six_digits(value),
+            _six_digits(simulated[name]) if name in simulated else "",
+            quantity_unit(name),
+        )
         for name, value in predicted_values(result).items()
     ]
     rounding = [
@@ -147,5 +172,7 @@ def write(result, folder, progress=None, cells=9):
     ]
     path = folder / "design.html"
     notes = result.warnings or ("no warnings",)
-    report.write_html(path, "Design", tables(result), pictures, notes, [("configuration", to_toml(config))])
+    report.write_html(
+        path, "Design", tables(result), pictures, notes, [("configuration", to_toml(config, inherited=False))]
+    )
     return path

@@ -12,6 +12,7 @@ Source  docs/design_of_loops.md
 """
 
 import math
+import re
 from typing import NamedTuple
 
 from testbench.config import changed
@@ -22,7 +23,7 @@ from testbench.paper.loop import advisor, limit_cycles
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import build, design_check
-from testbench.run.budget import budget, lock_frequency_hz
+from testbench.run.budget import budget, lock_frequency_hz, ring_warnings
 
 QUADRATURE_BY_BANDWIDTH = (0.04, 0.08, 0.16)
 STEPS_PER_UM, AMPLITUDES_UM = 100, (0.01, 100.0)
@@ -52,11 +53,13 @@ class Result(NamedTuple):
     def warnings(self):
         """What to mind, one line each."""
         warning_lines = [
-            f"{m.what}: {m.distance_hz:.4g} Hz is below {m.least_hz:.4g} Hz: {m.effect}"
+            f"{m.what}: {m.distance_hz:.4g} Hz is below {m.least_hz:.4g} Hz: {m.effect}{m.remedy and '; '}{m.remedy}"
             for m in self.plan
             if not m.is_satisfied
         ]
         warning_lines += [w for w in self.advice.warnings if not w.startswith("bandwidth ")]
+        warning_lines += ring_warnings(self.config)
+        warning_lines += [line for _, line in build.dac_notes(self.config)]
         return (*warning_lines, *build.no_rate_output(self.config))
 
 
@@ -283,12 +286,18 @@ def _check_loop(draft, advice):
             )
 
 
+def _check_run(config):
+    temp_degc = config.scenario.temperature_degc
+    build.params(config, temp_degc, temp_degc + config.plant.self_heating_k)
+    build.register_writes(config)
+
+
 def design(file, source="target"):
     """`Result` for a `TargetFile`. Raises ConfigError with the constraint that stops it."""
     try:
         return _compute_design(file, source)
     except ValueError as problem:  # of the designers of blocks and parts, too: name, value, limit
-        text = str(problem)
+        text = re.sub(r"\bplant\.", "nominal.", str(problem))  # a target has no [plant]
         raise ConfigError(text if text.startswith(f"{source}: ") else f"{source}: {text}") from None
 
 
@@ -305,6 +314,7 @@ def _compute_design(file, source):
     p = loop_parameters(config)
     advice = advisor.advise(p)
     _check_loop(draft, advice)
+    _check_run(config)
     n = config.nominal
     return Result(
         config,

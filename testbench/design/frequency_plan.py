@@ -37,17 +37,19 @@ HARMONICS = (1, 2)
 LINES = np.arange(1, 65)  # of the beat: the SID leaves nothing of higher ones where the bound is below 1/2
 ROUNDS = 20  # from the slowest beat that the loop can make, each nearer to its own
 MEAN_S = 1.0  # of which the plan states the frequency's mean
+EXAMPLE_OFF_HZ = 3.7  # of a measured frequency from a nominal one, in a remedy
 LEAST_STEPS = 4  # of the DDS within the half bandwidth f / 2Q
 LEAST_ALIAS_DB = -100.0  # of the sense signal: a weaker alias is below a millionth of it
 
 
 class Meeting(NamedTuple):
-    """One line of the plan: what meets, the distance that it has and should have (Hz), and what it does."""
+    """One line of the plan: what meets, the distance that it has and should have (Hz), what it does, what to do."""
 
     what: str
     distance_hz: float
     least_hz: float
     effect: str
+    remedy: str = ""
 
     @property
     def is_satisfied(self):
@@ -133,7 +135,8 @@ def plan(device, bandwidth_hz, f_tolerance=0.0, design=DEFAULT, loop=None):
     effect = f"references vary by {slow.wander_deg:.3f} deg, and their mean is wrong by up to {off_deg:.3f} deg"
     if loop is not None:
         effect += f"; the mean frequency over {MEAN_S:g} s is known to {1e6 * word_hz(f, MEAN_S, loop, design):.0f} uHz"
-    meetings = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect)]
+    measured = f"if {f:.10g} Hz is only nominal, state the measured frequency, such as {f + EXAMPLE_OFF_HZ:.1f} Hz"
+    meetings = [Meeting(ratio, slow.beat_hz, bandwidth_hz, effect, measured)]
     for h in HARMONICS:
         level = ripple_db(h * f, device)
         alias_distance_hz = max(alias_hz(h * f, design.frame_hz) - h * f * f_tolerance, 0.0)

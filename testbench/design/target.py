@@ -71,7 +71,8 @@ def from_dict(tree, source="target"):
     except ValidationError as problem:
         errors = problem.errors(include_url=False)
         more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-        raise ConfigError(explain(errors[0], SECTIONS, source, {}) + more) from None
+        hint = "; describe the board in [nominal]" if errors[0]["loc"] == ("plant",) else ""
+        raise ConfigError(explain(errors[0], SECTIONS, source, {}) + hint + more) from None
 
 
 def load(path):

@@ -57,14 +57,16 @@ def _residual_json(residual):
 
 @app.command()
 def check(
-    file: RecordPath,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Record (HDF5), recording of one part, or its column map (TOML).")
+    ],
     replay: Annotated[bool, typer.Option(help="Also replay the firmware on the recorded codes (R16).")] = True,
     as_json: Json = False,
 ):
     """Check a record by rules R01 to R33, or a recording of a part for data quality: one line per finding.
 
     Exit code 2 if it is refused."""
-    from testbench.measured.openers import part_findings
+    from testbench.measured.openers import part_findings, refuse_unreadable
     from testbench.measured.quality.records import adc_codes, dac_range
     from testbench.measured.record import load_record
     from testbench.storage.record import RecordError
@@ -72,6 +74,7 @@ def check(
     part_quality = part_findings([file])
     if part_quality is not None:
         return _check_part(file, part_quality, as_json)
+    refuse_unreadable(file)
     findings, residual, refused, quality = [], None, False, ()
     try:
         with _progress(as_json) as progress:
@@ -159,8 +162,12 @@ def import_(
     files: Annotated[
         list[Path], typer.Argument(metavar="DATA...", help="CSV, Parquet, .npz or .mat, one file per power-on.")
     ],
-    columns: Annotated[Path, typer.Option("--map", metavar="F.toml", help="Map that says what each column is.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="HDF5 file to write.")],
+    columns: Annotated[
+        Path | None, typer.Option("--map", metavar="F.toml", help="Required: map that says what each column is.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="Required: HDF5 file to write.")
+    ] = None,
     as_json: Json = False,
 ):
     """Make a measurement record from laboratory files; prints what was found and assumed."""
@@ -168,6 +175,11 @@ def import_(
     from testbench.measured.record import checks
     from testbench.storage.record import RecordError, write_record
 
+    missing = [name for name, value in (("--map", columns), ("--out", out)) if value is None]
+    if missing:
+        from testbench.measured.openers import WAYS
+
+        raise ConfigError(f"{missing[0]}: is missing; {WAYS}")
     import_result = assemble.import_files(files, columns)
     findings = checks.check(import_result.record)
     refused = [str(f) for f in findings if f.level == "refused"]
@@ -316,7 +328,13 @@ def calibrate(
 class TraceOptions(NamedTuple):
     """Arguments and options of `gyro measured trace`."""
 
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="A record, or recordings of one part.")]
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="A record, or recordings of one part; a column map (TOML) may take the place of each.",
+        ),
+    ]
     report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="HTML page to write.")] = None
     json_file: Annotated[Path | None, typer.Option("--json", metavar="OUT.json", help="JSON result to write.")] = None
     checkpoint: Annotated[
@@ -367,6 +385,7 @@ def trace(o):
     opener_options = _pairs(o.option) | ({"priors": o.priors} if o.priors else {})
     with _progress(False) as progress, refuse_singular_data(o.files):
         part_report, name = trace_recording.trace_table(o.files, opener_options), "a table of numbers"
+        problem = None
         if not part_report:
             problem = open_problem(o.files, opener_options)
             part = isinstance(problem, PartProblem)
@@ -381,7 +400,10 @@ def trace(o):
                 else ""
             )
             _write_text_files({o.json_file: trace_recording.text(part_report[0]), o.report: page_text})
-            return _print_trace(part_report[0])
+            _print_trace(part_report[0])
+            if part_report[0]["verdict"] == "candidate" and not (problem.heldout_independent or problem.takes_one_file):
+                typer.echo("next step: add a second recording: gyro measured trace FILE1 FILE2")
+            return None
         tracer, trace_result = loop_trace.run(problem, options, progress, o.checkpoint)
     _write_text_files(
         {o.json_file: trace_result.text(), o.report: page.html(trace_result, all_figures(tracer)) if o.report else ""}
@@ -405,6 +427,7 @@ def _print_trace(trace_data):
     """Quality, verdict, effects and held-out errors of a result, by the keys of its JSON."""
     from testbench.console.show import print_tables
     from testbench.console.text_table import Table
+    from testbench.measured.exam.part_page import segment_words
     from testbench.measured.quality.finding import from_json
 
     for finding in trace_data.get("quality", ()):
@@ -415,9 +438,12 @@ def _print_trace(trace_data):
         for e in trace_data["effects"]
     ]
     heads = ("law", "port", "value", "sd", "unit", "d", "status")
-    tables = [Table("Effects", heads, rows, numeric=(2, 3, 5))] if rows else []
+    tables, rivals = [Table("Effects", heads, rows, numeric=(2, 3, 5))] if rows else [], []
+    for e in trace_data["effects"]:
+        if e.get("rivals"):
+            rivals.append(f"{e['law']}: cannot be distinguished from: {', '.join(e['rivals'])}")
     rows = [
-        (name, h["unit"], "" if h["floor"] is None else f"{h['floor']:.3g}", f"{h['before']:.4g}")
+        (segment_words(name), h["unit"], "" if h["floor"] is None else f"{h['floor']:.3g}", f"{h['before']:.4g}")
         + (f"{h['after_one_law']:.4g}", f"{h['after']:.4g}")
         for name, h in trace_data["heldout"].items()
     ]
@@ -426,6 +452,8 @@ def _print_trace(trace_data):
         tables.append(Table("Error on held-out data", heads, rows, numeric=(2, 3, 4, 5)))
     if tables:
         print_tables(tables)
+    for text in rivals:
+        typer.echo(text)
     for cause in trace_data.get("causes", ())[1:]:
         sizes = ", ".join(f"{e['law']} {e['value']:.3g} {e['unit']}" for e in cause["effects"])
         typer.echo(f"alternative: {sizes} (chi2 {cause['chi2']:+.1f})")

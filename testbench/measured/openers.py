@@ -10,7 +10,10 @@ import os
 from numpy.linalg import LinAlgError
 
 from testbench.errors import FileError
-from testbench.measured.formats import readers
+from testbench.measured.formats import mat_file, readers
+from testbench.measured.formats.table import ARCHIVE, PARQUET
+from testbench.storage import inputs
+from testbench.storage.hdf5_input import is_hdf5
 
 
 def open_closed_loop_record(paths, options):
@@ -58,6 +61,42 @@ def refuse_singular_data(paths):
         raise FileError(f"{paths[0]}: the data do not determine the model: {problem}") from None
 
 
+WAYS = (
+    "for the closed loop (four ADC channels): gyro measured import FILE --map MAP.toml -o FILE.h5; for a part "
+    "(ring-down, sweep, DAC, meter): write a column map, docs/quality.md, and give it in place of FILE"
+)
+
+
+def unreadable(path):
+    """FileError about a file that nothing reads."""
+    return FileError(f"{path}: unknown kind of content; nearest is {readers.describe_unreadable_file(path)}; {WAYS}")
+
+
+def _refuse_combination(paths):
+    from testbench.measured.formats import sheets
+
+    kinds_by_path = {}
+    for path in paths:
+        if len(paths) > 1 and is_hdf5(path):
+            raise FileError(f"{path}: is HDF5; a record is traced by itself, so import all power-ons into one record")
+        content = readers.content(path)
+        if content is None or len(paths) == 1:
+            raise unreadable(path)
+        kinds_by_path[path] = sheets.content_sheet(content).kind
+    kinds = sorted(set(kinds_by_path.values()))
+    if len(kinds) > 1:
+        raise FileError(f"{paths[0]}: files of several kinds ({', '.join(kinds)}); trace one kind at a time")
+    raise FileError(f"{paths[0]}: {len(paths)} files of kind {kinds[0]}, which takes one; trace each by itself")
+
+
+def refuse_unreadable(path):
+    """FileError about a text or a table that is neither a record nor a recording."""
+    if os.path.isfile(path):
+        head = inputs.head(path, readers.HEAD_BYTES)
+        if head and (b"\0" not in head or head.startswith((ARCHIVE, PARQUET)) or mat_file.is_mat(head)):
+            raise unreadable(path)
+
+
 OPENERS = [open_closed_loop_record, single_part]
 
 
@@ -71,4 +110,4 @@ def open_problem(paths, options):
             problem = opener(paths, options)
             if problem is not None:
                 return problem
-    raise FileError(f"{paths[0]}: unknown kind of content; nearest is {readers.describe_unreadable_file(paths[0])}")
+    return _refuse_combination(paths)

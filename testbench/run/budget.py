@@ -21,12 +21,13 @@ from testbench.arguments import number
 from testbench.config import TEMPS_DEGC, changed, require_config
 from testbench.engines import chips
 from testbench.errors import ConfigError
-from testbench.run import build
+from testbench.run import build, design_check
 
 PAPER_DEG = {"xe1": 3.7647, "xe2": 1.2459, "ye1": 8.8814, "ye2": 1.5560}
 NODES = tuple(PAPER_DEG)
 PRODUCT_AND_CODE_CLOCKS = 2
 SID_GAIN = 4 / math.pi
+USER_VALUE = "given"
 
 
 class Row(NamedTuple):
@@ -45,6 +46,14 @@ class Row(NamedTuple):
     @property
     def ns(self):
         return self.seconds * 1e9
+
+    @property
+    def is_assumed(self):
+        return bool(self.assumed) and not self.is_user_value
+
+    @property
+    def is_user_value(self):
+        return self.assumed.startswith(USER_VALUE)
 
 
 class Rows(NamedTuple):
@@ -77,6 +86,7 @@ class Budget(NamedTuple):
     paper_deg: dict  # what the paper measured; None for each node of another board
     ring: str  # where the ring diode leaves 1 %
     amplifiers: tuple = ()  # amplifier_use.Use of each
+    dac_notes: tuple = ()  # (node, line) of `build.dac_notes`
 
     def node_deg(self):
         return {node: _wrap_degrees(sum(row.degrees for row in self.rows[node])) for node in self.rows}
@@ -110,11 +120,19 @@ def _path_register_rows(firmware, channel, at):
     return [at.clocks(f"registers {where} the product, this path only", n) for where, n in counts.items() if n]
 
 
-def _switch(firmware, device, tick_clocks, at, fitted):
+def _origin(text, section, *keys):
+    """`text`, or USER_VALUE where a section differs from its defaults."""
+    user_keys = [key for key in keys if getattr(section, key) != type(section).model_fields[key].default]
+    if not user_keys:
+        return text
+    return USER_VALUE if len(keys) == 1 else f"{USER_VALUE}: {', '.join(user_keys)}"
+
+
+def _switch(firmware, device, tick_clocks, at, assumed):
     """The row that makes a loop phase of a node: where the demodulator switches."""
     if firmware.board == "analog_sid":
         mean_s = device.sid_switch_s + device.sid_fall_s / 2
-        return at.delay("reference: analog switch", -mean_s, f"{fitted}typical value")
+        return at.delay("reference: analog switch", -mean_s, assumed)
     if firmware.reference_retimed:
         return at.clocks("reference: sampled one tick after the grid, minus half a sample", -tick_clocks / 2)
     return at.clocks("reference: mean wait for the sample, minus half a sample", -0.5)
@@ -138,6 +156,13 @@ def _ring_note(config, temp_degc):
     return f"{ring_text}. The plant keeps it linear (plant.ring_saturation_on = 0)."
 
 
+def ring_warnings(config):
+    """Line: the set-point is beyond 1 % of a ring diode that the plant keeps linear."""
+    device, temp_degc = config.device(), _first_temp_degc(config)
+    if not device.ring_saturation_on and config.firmware.amplitude_um > 1e6 * ring_levels.limit_m(device, temp_degc):
+        yield f"{_ring_note(config, temp_degc)} Choose a smaller amplitude_um."
+
+
 def _amplifiers(config, temp_degc, f_hz):
     """What the amplifiers are asked for: C/V, drive outputs at the kick and at lock, sense outputs."""
     base, firmware = config.device(), config.firmware
@@ -157,11 +182,34 @@ def _amplifiers(config, temp_degc, f_hz):
     )
 
 
+def _pickoff_rows(config, channel, at, temp_degc, fitted):
+    base, plant = config.device(), config.plant
+    ring_s, ina_s, driver_s = pickoff_poles_s(base, channel, temp_degc)
+    if base.ring_saturation_on:
+        moves_m = setpoint_amplitude_m(config, temp_degc) if channel == "drive" else 0.0
+        ring_s = ring_levels.delay_s(base, channel, temp_degc, moves_m)
+    capacitors = _origin(f"{fitted}capacitors", plant, "c0_f", "cp_f", f"cref_{channel}_f")
+    ina, driver = (
+        _origin(f"{fitted}gain split", plant, "opamp_gbw_hz", f"{amplifier}_noise_gain")
+        for amplifier in ("ina", "driver")
+    )
+    return [
+        at.pole("ring diode with its capacitors", ring_s, capacitors),
+        at.pole("instrumentation amplifier", ina_s, ina),
+        at.pole("unity driver", driver_s, driver),
+    ]
+
+
+def _first_temp_degc(config):
+    start = config.scenario.temperature_degc
+    return start if isinstance(start, (int, float)) else start[0][1]
+
+
 def budget(config, temp_degc=None, frequency_hz=None):
     """Phase budget; temp_degc None: the scenario's first temperature, frequency_hz None: f_x."""
-    start = require_config(config).scenario.temperature_degc
+    design_check.check(require_config(config))
     if temp_degc is None:
-        temp_degc = start if isinstance(start, (int, float)) else start[0][1]
+        temp_degc = _first_temp_degc(config)
     temp_degc = number("temp_degc", temp_degc, *TEMPS_DEGC, "degC")
     firmware, base = config.firmware, config.device()
     device = thermal.device_at_temperature(base, temp_degc)
@@ -172,11 +220,15 @@ def budget(config, temp_degc=None, frequency_hz=None):
 
     at = Rows(f, clock_hz, design.master_hz)
     fitted = "fitted: " if config.is_paper_board else ""  # what the default board has for the paper's phases
+    typical = f"{fitted}typical value"
 
     def signal(channel, chip, frames, delay_s, words_deg):
         sine_deg, ref_deg = words_deg
         poles = [getattr(device, f"{channel}_pole_{n}_s") for n in (1, 2, 3)]
         align = firmware.reference_registers
+        extra = _origin(f"{fitted}one frame in the sense path", firmware, f"frame_latency_{channel}")
+        response = _origin("recalled from a data sheet" if delay_s else "", config.plant, f"{channel}_dac_delay_s")
+        depth = _origin(f"{fitted}pipeline depth of 3 net", firmware, "reference_registers")
         rows = [
             at.clocks("DDS output register", dds.LATENCY),
             at.clocks("sine pipeline", sine.LATENCY),
@@ -185,17 +237,16 @@ def budget(config, temp_degc=None, frequency_hz=None):
             at.clocks("product and code registers", PRODUCT_AND_CODE_CLOCKS),
             at.clocks("SPI load register", 1),
             at.clocks("SPI frame to latch", spi_dac.latch_cycles(chip, tick_clocks)),
-            at.clocks(
-                f"extra {tick_us} frames",
-                frames * tick_clocks,
-                f"{fitted}one frame in the sense path" if frames else "",
-            ),
+            at.clocks(f"extra {tick_us} frames", frames * tick_clocks, extra if frames else ""),
             at.clocks(f"hold of the {grid} update, half a period", tick_clocks / 2),
-            at.delay("DAC response after its latch", delay_s, "recalled from a data sheet" if delay_s else ""),
-            *(at.pole(f"output pole {n}", tau, f"{fitted}typical value") for n, tau in enumerate(poles, 1)),
+            at.delay("DAC response after its latch", delay_s, response),
+            *(
+                at.pole(f"output pole {n}", tau, _origin(typical, config.plant, f"{channel}_pole_{n}_s"))
+                for n, tau in enumerate(poles, 1)
+            ),
             at.clocks("reference: DDS output register", -dds.LATENCY),
             at.clocks("reference: sign register", -references.LATENCY),
-            at.clocks("reference: alignment registers", -align, f"{fitted}pipeline depth of 3 net" if align else ""),
+            at.clocks("reference: alignment registers", -align, depth if align else ""),
             at.clocks("reference: edge quantisation, mean", -0.5),
         ]
         if firmware.reference_retimed:
@@ -205,18 +256,8 @@ def budget(config, temp_degc=None, frequency_hz=None):
             rows.append(at.word("compensation words (sine, reference)", ref_deg - sine_deg))
         return rows
 
-    def forward(channel):
-        ring_s, ina_s, driver_s = pickoff_poles_s(base, channel, temp_degc)
-        if base.ring_saturation_on:
-            moves_m = setpoint_amplitude_m(config, temp_degc) if channel == "drive" else 0.0
-            ring_s = ring_levels.delay_s(base, channel, temp_degc, moves_m)
-        return [
-            at.pole("ring diode with its capacitors", ring_s, f"{fitted}capacitors"),
-            at.pole("instrumentation amplifier", ina_s, f"{fitted}gain split"),
-            at.pole("unity driver", driver_s, f"{fitted}gain split"),
-        ]
-
-    switch = [_switch(firmware, device, tick_clocks, at, fitted)]
+    switch_origin = _origin(typical, config.plant, "sid_switch_s", "sid_fall_s")
+    switch = [_switch(firmware, device, tick_clocks, at, switch_origin)]
     drive_words = (firmware.phase_drive_sine_deg, firmware.phase_drive_ref_deg)
     sense_words = (firmware.phase_sense_sine_deg, firmware.phase_sense_ref_deg)
     return Budget(
@@ -225,16 +266,17 @@ def budget(config, temp_degc=None, frequency_hz=None):
             "xe1": signal(
                 "drive", board.drive.master, firmware.frame_latency_drive, device.drive_dac_delay_s, drive_words
             ),
-            "xe2": forward("drive"),
+            "xe2": _pickoff_rows(config, "drive", at, temp_degc, fitted),
             "ye1": signal(
                 "sense", board.sense.master, firmware.frame_latency_sense, device.sense_dac_delay_s, sense_words
             ),
-            "ye2": forward("sense"),
+            "ye2": _pickoff_rows(config, "sense", at, temp_degc, fitted),
         },
         {"xe2": switch, "ye2": switch},
         dict(PAPER_DEG) if config.is_paper_board else dict.fromkeys(NODES),
         _ring_note(config, temp_degc),
         _amplifiers(config, temp_degc, f),
+        tuple(({"drive": "xe1", "sense": "ye1"}[channel], line) for channel, line in build.dac_notes(config)),
     )
 
 

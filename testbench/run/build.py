@@ -248,6 +248,21 @@ def no_rate_output(config):
         )
 
 
+def dac_notes(config):
+    """(channel, line): another chip has still the analog values of the default one."""
+    standard = type(config.design)()
+    for channel in ("drive", "sense"):
+        dac_key, pole_key = f"{channel}_dac", f"{channel}_pole"
+        chip, default = getattr(config.design, dac_key), getattr(standard, dac_key)
+        keys = (f"{dac_key}_delay_s", *(f"{pole_key}_{k}_s" for k in (1, 2, 3)), f"{dac_key}_noise_v_per_rthz")
+        if chip != default and all(getattr(config.plant, key) == Device._field_defaults[key] for key in keys):
+            yield (
+                channel,
+                f'design.{dac_key} = "{chip}": delay, poles and noise of the output are still those of the default '
+                f"{default}; state nominal.{dac_key}_delay_s and {pole_key}_1_s for your chip",
+            )
+
+
 def register_writes(config):
     """Host writes of the first microseconds: (name, raw) of what the configuration sets in the register map."""
     f, n, record = config.firmware, nominal(config), config.design_record()

@@ -104,6 +104,9 @@ def budget_node(budget, node, assumption_free_deg=None):
             f"{paper_verdict['basis']}. "
             f"This depends on the fitted values {', '.join(paper_verdict['rests_on'])}. {FITTED}"
         )
+    if any(row.is_user_value for row, _ in budget_entries if row):
+        note += ' "given" marks a value that your configuration changes.'
+    note = " ".join((note, *(f"{line}." for dac_node, line in budget.dac_notes if dac_node == node)))
     if node == "xe2":
         amplifier_notes = (amplifier_use.sentence(budget.amplifiers), *amplifier_use.warnings(budget.amplifiers))
         note = " ".join((note, budget.ring, *amplifier_notes))
@@ -136,6 +139,7 @@ def budget_json(budget, plain=None):
         "paper_verdict": judged.verdicts(budget.node_deg()) if any(budget.paper_deg.values()) else None,
         **({"without_assumptions_deg": plain.node_deg()} if plain else {}),
         "ring": budget.ring,
+        "dac_notes": [line for _, line in budget.dac_notes],
         "amplifier_use": [u._asdict() for u in budget.amplifiers],
         "rows": {node: [row(item) for item in rows] for node, rows in budget.rows.items()},
         "loop_rows": {node: [row(item) for item in rows] for node, rows in budget.loop_rows.items()},

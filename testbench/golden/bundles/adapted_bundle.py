@@ -31,6 +31,7 @@ def _bench_texts(folder, manifest, level):
         text = (folder / name).read_text()
         if name not in UNRENAMED_FILES:
             text = re.sub(rf"\bgyro_{block}\b", adapter.adapter_name(manifest), text)
+            text = re.sub(r"\b1 ports\b", "1 port", text)
         texts[name] = text
     script, test = "check.sh", f"test_{block}.py"
     texts[script] = re.sub(r"(?m)(?<=^LEVEL=\$\{LEVEL:-)\w+", level, texts[script])

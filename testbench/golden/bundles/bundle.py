@@ -234,6 +234,10 @@ def hex_stems(manifest):
 def _read_manifest(folder):
     path = folder / MANIFEST
     if not os.path.exists(path):
+        # a folder that `wrap` has written beside the cases is no bundle
+        cases = [part.parent.name for part in folder.glob(f"*/{MANIFEST}") if b'"manifest_sha256"' in part.read_bytes()]
+        if cases:
+            raise FileError(f"{folder}: the folder of a block; give that of a case: {', '.join(sorted(cases))}")
         raise FileError(f"{path}: cannot be read: no such file; a bundle is a folder DIR/BLOCK/CASE")
     manifest = read_json(path)
     schema = manifest.get("schema")

@@ -22,6 +22,8 @@ from testbench.golden.stimulus import levels
 
 SCHEMA = "gyro-golden/1.0"
 BEFORE = 8
+MOST_INPUTS = 12  # that a report prints in one line
+LEAST_DIGITS, MOST_DIGITS = 6, 12  # of a value
 MAX_WIDTH = 63
 
 
@@ -38,6 +40,8 @@ class Divergence(NamedTuple):
     `got` is None where the design's value was unknown; `error_lsb` is got - expected.
 
     Of a register that wraps it is taken modulo its width, nearest to zero.
+    before  (row, {port: expected}, {port: got}, names of the ports that are not judged in this row)
+    edge    (row, {input: value}) of the edge that decides the row; None of an input, and in the first row
     """
 
     cycle: int
@@ -51,17 +55,27 @@ class Divergence(NamedTuple):
     error_lsb: int | None
     also: tuple
     before: tuple
+    fmt: Fmt
+    edge: tuple | None
 
     @property
     def is_input(self):
         return self.kind == "input"
 
+    def decimal_texts(self):
+        """(expected, got) as decimals: two digits more than distinguish them, and 6 to 12."""
+        values = [v for v in (self.expected_value, self.got_value) if v is not None]
+        digits = next((k for k in range(1, MOST_DIGITS) if len({f"{v:.{k}g}" for v in values}) == 2), MOST_DIGITS)
+        digits = min(max(digits + 2, LEAST_DIGITS), MOST_DIGITS) if len(values) == 2 else LEAST_DIGITS
+        return tuple(None if v is None else f"{v:.{digits}g}" for v in (self.expected_value, self.got_value))
+
 
 class Report(NamedTuple):
-    """Outcome of a comparison; `before` of the divergence holds (cycle, {port: expected}, {port: got}).
+    """Outcome of a comparison.
 
     judged_rows  rows with a port that is judged;  clocks  {RTL port: clocks that it was declared to come later}
     first_row    row of the bundle that row 0 of the comparison is;  got  {port: Column}, moved to the golden rows
+    notes        lines on what was compared, such as a parameter without a value
     """
 
     block: str
@@ -78,6 +92,7 @@ class Report(NamedTuple):
     diagnosis: tuple
     first_row: int = 0
     got: Mapping = MappingProxyType({})
+    notes: tuple = ()
 
     @property
     def passed(self):
@@ -93,7 +108,8 @@ class Report(NamedTuple):
         first = d and {
             "clock": d.cycle, "kind": d.kind, "name": d.port, "expected": d.expected, "got": d.got,
             "time_ns": d.time_ns, "error_lsb": d.error_lsb, "also": list(d.also),
-            "before": [{"clock": c, "expected": e, "got": g} for c, e, g in d.before],
+            "before": [{"clock": c, "expected": e, "got": g, "not_judged": list(n)} for c, e, g, n in d.before],
+            "fmt": list(d.fmt), "inputs": d.edge and {"edge": d.edge[0], "values": d.edge[1]},
         }  # fmt: skip
         report_keys = (
             "block",
@@ -106,6 +122,7 @@ class Report(NamedTuple):
             "missing",
             "clocks",
             "differing",
+            "notes",
         )
         head = {"passed": self.passed, "first": first, "diagnosis": self.cause_entries()}
         return head | {k: getattr(self, k) for k in report_keys}
@@ -123,21 +140,23 @@ class Report(NamedTuple):
             head += f", {self.judged_rows} rows judged"
         if self.missing:
             head += f" (not in the log: {', '.join(self.missing)})"
+        notes = "".join(f"{'note':18}{line}\n" for line in self.notes)
         if self.passed:
-            return f"{head}: PASS\n"
+            return f"{head}: PASS\n{notes}"
         d = self.divergence
-        got = "unknown (x)" if d.got is None else f"{d.got} = {d.got_value:g}, {d.error_lsb:+d} LSB"
+        expected_decimal, got_decimal = d.decimal_texts()
+        got = "unknown (x)" if d.got is None else f"{d.got} = {got_decimal}, {d.error_lsb:+d} LSB"
         lines = [
             f"{head}: FAIL",
             f"first divergence  cycle {d.cycle}, {d.time_ns:.1f} ns, {d.kind} {d.port}",
-            f"  expected        {d.expected} = {d.expected_value:g}",
+            f"  expected        {d.expected} = {expected_decimal} {d.fmt}",
             f"  got             {got}",
         ]
         if d.also:
             lines.append(f"  also differing  {', '.join(d.also)}")
         lines += ["  " + line for line in self._rows_before()]
         lines.append("differing rows    " + ", ".join(f"{name} {count}" for name, count in self.differing.items()))
-        return "\n".join(lines) + "\n" + self.why()
+        return "\n".join(lines) + "\n" + self.why() + notes
 
     def why(self):
         """The lines of the diagnosis."""
@@ -151,16 +170,26 @@ class Report(NamedTuple):
         port_names = [d.port, *[name for name in self.ports if name != d.port]][:8]
         row_offset = d.cycle - d.before[-1][0] if d.before else 0
         table = [["row" if row_offset else "cycle", *port_names]]
-        for cycle, want, got in d.before:
-            cells = [
-                str(want[n]) if got[n] == want[n] else f"{want[n]} / {'x' if got[n] is None else got[n]}"
-                for n in port_names
-            ]
-            table.append([str(cycle), *cells])
+        for cycle, want, got, masked_names in d.before:
+            table.append([str(cycle), *(_cell_text(want[n], got[n], n in masked_names) for n in port_names)])
         widths = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
         lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths)) for row in table]
+        mark_note = "; * expected, not judged" if any("*" in cell for row in table for cell in row) else ""
         offset_note = f"; row n of {d.port} is cycle n + {row_offset} of the design" if row_offset else ""
-        return [*lines, f"(expected / got where they differ{offset_note})"]
+        return [*lines, f"(expected / got where they differ{mark_note}{offset_note})", *self._edge_lines()]
+
+    def _edge_lines(self):
+        if self.divergence.edge is None:
+            return []
+        edge, values = self.divergence.edge
+        inputs = ", ".join(f"{name} {value}" for name, value in values.items())
+        return [f"inputs at edge {edge}: {inputs if len(values) <= MOST_INPUTS else f'{len(values)}, in window.vcd'}"]
+
+
+def _cell_text(expected, got, has_mask):
+    if has_mask:
+        return f"{expected}*"
+    return str(expected) if got == expected else f"{expected} / {'x' if got is None else got}"
 
 
 def _ports(manifest, kinds):
@@ -268,14 +297,19 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
             terms.first + row,
             {name: int(golden[name][row]) for name in logged},
             {name: logged_value(name, row) for name in logged},
+            tuple(name for name in logged if not counts[name][row]),
         )
         for row in range(max(0, cycle - before), cycle + 1)
     )
+    is_result = port in rtl_name_by_port
+    edge = None
+    if is_result and cycle:
+        edge = (terms.first + cycle - 1, {name: int(column[cycle - 1]) for name, column in inputs.items()})
     divergence = Divergence(
         cycle=terms.first + clock,
         time_ns=(terms.first + clock) * 1e9 / manifest["clock"]["hz"],
         port=port,
-        kind=levels.port_kind(manifest, rtl_name_by_port[port]) if port in rtl_name_by_port else "input",
+        kind=levels.port_kind(manifest, rtl_name_by_port[port]) if is_result else "input",
         expected=want,
         got=have,
         expected_value=want * scale,
@@ -283,6 +317,8 @@ def compare(manifest, inputs, expected, got, care=None, before=BEFORE, terms=EVE
         error_lsb=None if have is None else _error_lsb(manifest, port, fmts[port].width, want, have),
         also=tuple(first_differing_ports[1:]),
         before=preceding_rows,
+        fmt=fmts[port],
+        edge=edge,
     )
     diagnosis = _diagnosis(manifest, inputs, golden, logged, counts, n, divergence)
     return Report(*head, divergence, diagnosis, terms.first, logged)

@@ -69,6 +69,10 @@ class Design(NamedTuple):
         parameter_names = [name for _, name, _ in port_map.parameters] + [name for name, _ in port_map.constants]
         return dict.fromkeys([*parameter_names, port_map.clock, port_map.reset[0]], 1) | adapter.widths(port_map)
 
+    def notes(self):
+        """Lines for the report: parameters to which the map gives no value."""
+        return () if self.port_map is None else design_map.parameter_notes(self.manifest, self.port_map)
+
     def hint(self, missing):
         """What helps where these ports are missing; empty if nothing is known to."""
         no_reset = self.port_map and self.port_map.reset[0] in missing

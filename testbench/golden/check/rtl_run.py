@@ -313,4 +313,5 @@ def check(folder, rtl, sim=None, timeout_s=TIMEOUT_S, before=BEFORE, choice=None
         p["name"]: comparison_scope.remove_latency(comparison, columns[p["name"]], name)
         for name, p in loggers.logged_ports(design.manifest, design.level)
     }
-    return compare_bundle(comparison.golden, aligned_columns, before, comparison)
+    report = compare_bundle(comparison.golden, aligned_columns, before, comparison)
+    return report._replace(notes=design.notes())

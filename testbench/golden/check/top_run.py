@@ -130,9 +130,15 @@ def check(folder, rtl, timeout_s=TIMEOUT_S, choice=design_run.AS_OURS):
     ports = tuple(p["name"] for k in ("registers", "outputs") for p in prefixed_manifest(manifest)[k])
     delays = {f"o_{name}": k for name, k in manifest.get("clocks", {}).items()}
     if window_report is None:
-        return Report("top", manifest["case"], count, manifest["n"], ports, (), level, count, delays, {}, None, ())
+        window_report = Report("top", manifest["case"], count, 0, ports, (), level, 0, {}, {}, None, ())
     return window_report._replace(
-        level=level, rows=count, golden_rows=manifest["n"], judged_rows=count, ports=ports, clocks=delays
+        level=level,
+        rows=count,
+        golden_rows=manifest["n"],
+        judged_rows=count,
+        ports=ports,
+        clocks=delays,
+        notes=design.notes(),
     )
 
 

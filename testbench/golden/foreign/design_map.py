@@ -32,6 +32,7 @@ PORT = re.compile(r"([A-Za-z]\w*)(?:\[(\d{1,4})(?::(\d{1,4}))?\])?")
 STYLES = ("sync", "async", "none")
 TYPES = ("std_logic", "std_logic_vector", "signed", "unsigned")
 MOST_WIDTH = 1024
+MOST_NAMES = 12  # in one line
 LIBRARY = "design"
 TABLES = {"clock": ("port",), "reset": ("port", "active", "style"), "inputs": None, "outputs": None,
           "parameters": None, "constants": None, "ties": None}  # fmt: skip
@@ -203,6 +204,19 @@ class _Reader:
                 type(value) is int and abs(value) < 1 << 31, f"[{key}] {name}", value, "a whole number of 32 bits"
             )
         return tuple(self.table(key).items())
+
+
+def parameter_notes(manifest, port_map):
+    """Lines on parameters of a block to which a map gives no value; none of those that no register depends on."""
+    mapped_names = {name for name, *_ in port_map.parameters}
+    constants = {name.lower() for name, _ in port_map.constants}
+    names = [name for name, _ in rtl_parameters(manifest)] + [p["name"] for p in levels.used_params(manifest)]
+    unset = [name for name in names if name not in mapped_names and name.lower() not in constants]
+    if not unset:
+        return ()
+    names_text = ", ".join(unset[:MOST_NAMES]) + (f" and {len(unset) - MOST_NAMES} more" if unset[MOST_NAMES:] else "")
+    words = ("parameters", "are", "values") if unset[1:] else ("parameter", "is", "value")
+    return (f"{words[0]} {names_text} {words[1]} not in [parameters] of the map; the design uses its own {words[2]}",)
 
 
 def _check_single_drivers(read, port_map):

@@ -5,6 +5,7 @@ Figures are SVG in the page; they are drawn from the held-out groups alone.
 """
 
 import html
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -49,9 +50,18 @@ def is_unexplained(row):
     return bool(row.get("floor")) and row["after"] > UNEXPLAINED_FLOORS * row["floor"]
 
 
+def segment_words(name):
+    """Name of a held-out segment in words."""
+    blocks = re.fullmatch(r"run_(.+)_(even|odd)", name)
+    if blocks:
+        return f"{blocks[2]} blocks of run {blocks[1]}"
+    return f"run {name[4:]}" if name.startswith("run_") else name
+
+
 def in_part(data):
     """A report whose laws leave a held-out error above UNEXPLAINED_FLOORS floors is "named in part", and says where."""
-    texts = [f"{name} {r['after'] / r['floor']:.2g}" for name, r in data["heldout"].items() if is_unexplained(r)]
+    unexplained = [(segment_words(name), r) for name, r in data["heldout"].items() if is_unexplained(r)]
+    texts = [f"{name} {r['after'] / r['floor']:.2g}" for name, r in unexplained]
     if data["verdict"] not in ("named", "candidate") or not texts:
         return data
     words = f"{data['sentence'].rstrip('. ')}. Held-out errors that are not explained, in floors: {', '.join(texts)}."
@@ -200,7 +210,13 @@ def heldout_table(data):
     for name, h in data["heldout"].items():
         ratio = None if not h.get("floor") else h["after"] / h["floor"]
         rows.append(
-            (name, h["unit"], number(h.get("floor")), number(h["before"]), number(h.get("after_one_law")))
+            (
+                segment_words(name),
+                h["unit"],
+                number(h.get("floor")),
+                number(h["before"]),
+                number(h.get("after_one_law")),
+            )
             + (number(h["after"]), number(ratio, 3))
         )
     head = ("held out", "unit", "floor", "before", "after one law", "after", "after / floor")

@@ -1,6 +1,6 @@
 """Levels of a DAC in a MATLAB file (version 5): every vector of 2^N voltages that rises is one channel.
 
-    read(path) -> Levels   voltages (V) at code 0 .. 2^N - 1, N = 8 .. 18, by the name of the variable
+    read(path) -> Levels   voltages (V) at code 0 .. 2^N - 1, N = 9 .. 18, by the name of the variable
 
 Errors  FileError: not such a file, no vector of 2^N finite numbers
 """
@@ -14,7 +14,7 @@ from testbench.measured.formats import column_map, mat_file
 from testbench.measured.formats.contents import Levels
 from testbench.storage import inputs
 
-BITS = range(8, 19)
+BITS = range(9, 19)
 MOST_V = 1e6
 MIN_MONOTONIC_SHARE = 0.9  # of the steps in one direction, also where blocks of levels are in the wrong place
 MIN_RISE = 0.95  # rank correlation of a level with its code would be 1; a signal in time is far from it
@@ -53,7 +53,7 @@ def read(path):
         if len(v) in [1 << b for b in BITS] and np.all(np.abs(v) < MOST_V) and _rises(v):
             channels[name] = v
     if not channels:
-        raise FileError(f"{path}: expected a vector of 2^8 .. 2^18 rising levels (V), found none")
+        raise FileError(f"{path}: expected a vector of 2^9 .. 2^18 rising levels (V), found none")
     lengths = {len(v) for v in channels.values()}
     if len(lengths) != 1:
         raise FileError(f"{path}: channels of {sorted(lengths)} levels, expected the same number in all")

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from testbench.errors import FileError
 from testbench.measured.formats import (
+    column_map,
     gyro_npz,
     input_output,
     levels_mat,
@@ -43,6 +44,7 @@ READERS = (
 def content(path):
     """Content of a recording; None if no reader knows it. FileError: a reader knows it, and it is damaged."""
     head = inputs.head(path, HEAD_BYTES)
+    column_map.refuse_other_toml(path)
     for reader in READERS:
         recording = reader.read(path) if reader.knows(path, head) else None
         if recording is not None:
@@ -59,7 +61,7 @@ def describe_unreadable_file(path):
     if mat_file.is_mat(head):
         mat_arrays = mat_file.read_mat(path)[0]
         sizes = ", ".join(f"{name} {v.shape}" for name, v in list(mat_arrays.items())[:8]) or "no arrays of numbers"
-        return f"MATLAB file with {sizes}; expected V1 and V2 (V), or vectors of 2^8 .. 2^18 rising levels (V)"
+        return f"MATLAB file with {sizes}; expected V1 and V2 (V), or vectors of 2^9 .. 2^18 rising levels (V)"
     comment = next((line for line in lines if line.startswith("%")), None)
     if comment:
         title = next((line for line in lines if line.startswith("%") and "," in line), comment)
@@ -74,4 +76,4 @@ def describe_unreadable_file(path):
         columns = list(read_table(path))
     except FileError as problem:
         return str(problem).partition(": ")[2]
-    return f"a table of columns {', '.join(columns[:12])[:200]}: write a column map that says what they are"
+    return f"a table of columns {', '.join(columns[:12])[:200]}"

@@ -149,7 +149,10 @@ class Map(Part):
 
 def read(path):
     """`Map` of a TOML file."""
-    lab_map = inputs.validate_data(inputs.read_toml(path), Map, path, ConfigError)
+    data = inputs.read_toml(path)
+    if "kind" in data:
+        raise ConfigError(f"{path}: is a column map of a part; run gyro measured trace {path} (docs/quality.md)")
+    lab_map = inputs.validate_data(data, Map, path, ConfigError)
     for name, stream in lab_map.columns.items():
         if name not in schema.STREAMS:
             raise ConfigError(f"{path}: columns.{name}: is not a stream; known: {', '.join(schema.STREAMS)}")

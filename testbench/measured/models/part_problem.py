@@ -15,17 +15,19 @@ class Family(NamedTuple):
 
 class PartProblem(
     Problem,
-    adds="most_laws same_rows quality families axis include_laws dependent_nuisances details replace_data laws_by_name",
+    adds="most_laws same_rows quality families axis include_laws dependent_nuisances details replace_data laws_by_name "
+    "takes_one_file",
 ):
     """A recording of one part. Each member has a default.
 
     most_laws   laws that are added one after the other, at most
     same_rows   rows of fitted and judged segments belong together
     quality     findings about the recording, before anything was fitted
+    takes_one_file   True: a kind of which each file is traced by itself
     families    {name: `Family`}: structures that exclude each other; `predict` knows each member as a coefficient
     """
 
-    most_laws, same_rows, quality, families = 3, False, (), {}
+    most_laws, same_rows, quality, families, takes_one_file = 3, False, (), {}, False
 
     def laws_by_name(self):
         """{name: Law} of catalogue, library and families."""

@@ -193,6 +193,7 @@ def problem(data, name="voltmeters on one source", roles=None):
 
     out = Meters(name, nuisances, laws, stretches, columns, {"file": data.sha256}, axis)
     out.most_laws, out.full_v, out.heldout_independent = LAWS_PER_METER * meters, full_v(data), False
+    out.takes_one_file = True
     return out
 
 

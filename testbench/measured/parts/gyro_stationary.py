@@ -133,7 +133,7 @@ def _settling(name):
 class StationaryProblem(PartProblem, adds="record model_laws bins time_s axes names"):
     """Problem of the tracing core about one record."""
 
-    most_laws, heldout_independent = 6, False
+    most_laws, heldout_independent, takes_one_file = 6, False, True
 
     def __init__(self, record, model_laws=()):
         """model_laws: names of laws that are part of the model."""

@@ -98,10 +98,12 @@ def power_dbm(t_s, level_dbm, rate_per_s, effects):
     return y + bias * (y - level_dbm) ** 2 if bias else y
 
 
-def _decay_laws(power_uw, rate):
+def _decay_laws(power_uw, rate, power_unit="uW"):
+    u = power_unit if power_unit == "uW" else f"({power_unit})"
+
     def force(name, n, words):
         half = 2 * (n - 1)
-        unit = "1/(s uW)" if n == 2 else f"1/(s uW^{n - 1:g})" if n > 1 else "uW^0.5/s"
+        unit = f"1/(s {power_unit})" if n == 2 else f"1/(s {u}^{n - 1:g})" if n > 1 else f"{u}^0.5/s"
         law_text = f"{words}: dP/dt = -c P^{n:g}; force grows with power {half + 1:g} of the amplitude"
         page = "docs/measured_results.md" if name == "damping_quintic" else f"analog_frontend/effects/{name}.py"
         return Law(name, "force_x", law_text, unit, float(rate * power_uw ** (1 - n)), 1, page=page)
@@ -111,8 +113,24 @@ def _decay_laws(power_uw, rate):
         force("damping_quadratic", 1.5, "damping that grows with the amplitude, F = -d |vx| vx"),
         force("coulomb_friction", 0.5, "dry friction, F = -d sgn vx"),
         force("damping_quintic", 3.0, "damping that grows with the fourth power of the amplitude, F = -d x^4 vx"),
-        Law("added_power", "detector", "power that the receiver adds", "nW", 1.0, sign=1, kind="instrument"),
-        Law("compression", "detector", "receiver that saturates", "1/uW", float(0.3 / power_uw), 1, kind="instrument"),
+        Law(
+            "added_power",
+            "detector",
+            "power that the receiver adds",
+            "nW" if power_unit == "uW" else f"1e-3 {power_unit}",
+            1.0,
+            sign=1,
+            kind="instrument",
+        ),
+        Law(
+            "compression",
+            "detector",
+            "receiver that saturates",
+            f"1/{power_unit}",
+            float(0.3 / power_uw),
+            1,
+            kind="instrument",
+        ),
         Law("log_bias", "detector", "curvature of the logarithmic detector", "dB/dB^2", 1e-3, kind="instrument"),
         Law(
             "second_mode",
@@ -219,6 +237,14 @@ def piece_from_trace(trace, fitted, background_dbm=None):
     return Piece(name, role, p, scored, setup, its, its.rms, Run(t, trace.sample, number), condition), notes
 
 
+def _with_distinct_names(traces):
+    numbers = [trace.header.get("measurement id", "") or "run" for trace in traces]
+    names = [n if numbers.count(n) == 1 else f"{n}-{k}" for k, n in enumerate(numbers, 1)]
+    if len(set(names)) < len(names):
+        names = [f"{n}-{k}" for k, n in enumerate(numbers, 1)]
+    return [trace._replace(header=trace.header | {"measurement id": n}) for trace, n in zip(traces, names)]
+
+
 def problem(traces):
     """`Ringdown` of the runs of one sample, in the order of their dates: first, third .. are fitted, the others judged.
 
@@ -227,11 +253,16 @@ def problem(traces):
     from testbench.measured.formats.registry import file_sha256
 
     traces = sorted(traces, key=lambda trace: (trace.header.get("date and time", ""), file_sha256(trace.path)))
-    pieces, notes = [], []
+    traces = _with_distinct_names(traces)
+    power_units = sorted({trace.header.get("power unit", "uW") for trace in traces})
+    if len(power_units) > 1:
+        raise FileError(f"{traces[0].path}: runs in {' and '.join(power_units)}; give all in one unit")
+    (power_unit,), pieces, notes = power_units, [], []
     levels = [v for v in (background(trace.power_dbm) for trace in traces) if v is not None]
     level = min(levels, default=None)
     if level is not None:
-        notes.append(f"background power: {level:.1f} dBm")
+        amplitude_text = f"{level - UW_DBM:.1f} dB of 1 {power_unit}"
+        notes.append(f"background power: {f'{level:.1f} dBm' if power_unit == 'uW' else amplitude_text}")
     if len(traces) == 1:
         piece, piece_notes = piece_from_trace(traces[0], False, level)
         notes += piece_notes
@@ -254,7 +285,7 @@ def problem(traces):
     power = 10 ** ((np.median([p.rows[0] for p in pieces]) - UW_DBM) / 10)
     hashes = {f"record_{i + 1}": file_sha256(trace.path) for i, trace in enumerate(traces)}
     ringdown_problem = Ringdown(
-        f"ring-down {traces[0].sample}", nuisances, _decay_laws(power, rate), pieces, hashes, notes
+        f"ring-down {traces[0].sample}", nuisances, _decay_laws(power, rate, power_unit), pieces, hashes, notes
     )
     ringdown_problem.heldout_independent = len(traces) > 1
     f = traces[0].frequency_hz if np.isfinite(traces[0].frequency_hz) else 1.0

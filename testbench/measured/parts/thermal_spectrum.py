@@ -95,7 +95,7 @@ def problem(trace):
     spectrum_problem = ThermalSpectrum(
         f"thermal spectrum {trace.sample}", nuisances, LAWS, pieces, {"record": file_sha256(trace.path)}, ()
     )
-    spectrum_problem.heldout_independent = False
+    spectrum_problem.heldout_independent, spectrum_problem.takes_one_file = False, True
     spectrum_problem.f_ref_hz = float(f[at])
     spectrum_problem.working = Working("spectrum", 0.0, float(f[at]), float(f[at] / (2 * width)))
     return spectrum_problem

@@ -49,6 +49,6 @@ def loop(
         print_json({**loop_page.as_json(study), "files": [written] if written else []})
         return
     print_tables(loop_page.tables(study))
-    print_list("Warnings:", study.advice.warnings or ("none",))
+    print_list("Warnings:", study.warnings or ("none",))
     if written:
         print_list("Written:", [written])

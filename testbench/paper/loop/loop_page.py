@@ -13,6 +13,7 @@ from testbench.paper.loop import advisor, confirm, equations, limit_cycles, notc
 from testbench.paper.loop import loop as lp
 from testbench.paper.loop.loop_parameters import loop_parameters
 from testbench.run import simulate
+from testbench.run.budget import ring_warnings
 
 STEP_DPS, STEP_BEFORE_S, STEP_AFTER_S, MEAN_S = 100.0, 2.5, 1.0, 0.05
 # field of Advice -> (text, unit, digits, factor)
@@ -32,6 +33,12 @@ NUMBERS = {
     "bias_dps": ("bias", "deg/s", 4, 1),
     "v_q": ("V_q at rate 0", "V", 4, 1),
 }
+# What a stable loop without a margin stands
+NO_MARGIN = {
+    "gain_margin_up_db": f"stable up to +{advisor.GAIN_LIMIT_DB:g} dB",
+    "gain_margin_down_db": f"stable down to -{advisor.GAIN_LIMIT_DB:g} dB",
+    "qsc_margin_up_db": f"stable up to +{advisor.GAIN_LIMIT_DB:g} dB",
+}
 
 
 class Study:
@@ -41,6 +48,7 @@ class Study:
         self.config = config
         self.parts = loop_parameters(config)
         self.advice = advisor.advise(self.parts, advisor.BAND_HZ if config.is_paper_board else (0.0, math.inf))
+        self.warnings = (*self.advice.warnings, *ring_warnings(config))
         self.rounding = limit_cycles.resolution(self.parts) if self.advice.stable else None
         firmware = config.firmware
         # a notch of the firmware, or one at the ring
@@ -75,6 +83,14 @@ class Study:
         return float(np.max(np.abs(20 * np.log10(np.abs(ratio))))), float(np.max(np.abs(np.degrees(np.angle(ratio)))))
 
 
+def _number_row(advice, name):
+    text, unit, digits, factor = NUMBERS[name]
+    value = getattr(advice, name)
+    if value is None and advice.stable and name in NO_MARGIN:
+        return text, "none", NO_MARGIN[name]
+    return text, to_decimals(None if value is None else value * factor, digits), unit
+
+
 def tables(study):
     """Tables for the terminal and the page."""
     a, p = study.advice, study.parts
@@ -82,10 +98,7 @@ def tables(study):
         Table(
             "Loops around the sense mode",
             ("what", "value", "unit"),
-            [
-                (text, to_decimals(None if getattr(a, name) is None else getattr(a, name) * factor, digits), unit)
-                for name, (text, unit, digits, factor) in NUMBERS.items()
-            ],
+            [_number_row(a, name) for name in NUMBERS],
             f"split {p.split_hz:.2f} Hz, SID {p.sid_stages} x {p.sid_hz:.2f} Hz; derived from the configuration",
         )
     ]
@@ -144,7 +157,7 @@ def as_json(study):
     """One object with every number."""
     a = study.advice
     out = {name: value for name, value in a._asdict().items() if name != "crossings"}
-    out["warnings"] = list(a.warnings)
+    out["warnings"] = list(study.warnings)
     out["crossings"] = [{**c._asdict(), "delay_us": c.delay_us} for c in a.crossings]
     out["split_hz"], out["sid_hz"] = study.parts.split_hz, study.parts.sid_hz
     out["poles"] = [{"hz": q.hz, "tau_s": q.tau_s} for q in lp.poles(lp.close(study.parts))[:8]]
@@ -277,5 +290,5 @@ def write(study, folder, progress=None, coarse=1, parameters=sensitivity.PARAMET
     y = equations.Mode(p.mass_kg, p.wy_rad_s, p.qy)
     page_tables.append(misprint_table(y, p.w_rad_s, p.coriolis_mass_kg, p.ye1_rad))
     path = folder / "loop.html"
-    report.write_html(path, "Loop advisor", page_tables, pictures, a.warnings or ("no warnings",))
+    report.write_html(path, "Loop advisor", page_tables, pictures, study.warnings or ("no warnings",))
     return path

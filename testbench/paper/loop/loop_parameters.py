@@ -16,6 +16,9 @@ from analog_frontend.parts import propagator, sid, thermal
 from analog_frontend.parts.cv_noise import cv_density
 from analog_frontend.parts.noise import thermomechanical_density
 from fpga_model import isqrt, modulator, pi, rates, sine, spi_adc, spi_dac
+from fpga_model.design_record import DEFAULT
+from testbench.config import Design
+from testbench.config.config_errors import number_limits
 from testbench.engines import chips
 from testbench.errors import ConfigError
 from testbench.run import build, design_check
@@ -77,6 +80,16 @@ class LoopParameters(NamedTuple):
         return (self.w_rad_s - self.wy_rad_s) / (2 * math.pi)
 
 
+def _check_tick(record, frame_s):
+    clocks, remainder_hz = divmod(record.master_hz, DEFAULT.tick_hz)
+    low, high = number_limits(Design.model_fields["tick_clocks"])
+    if not remainder_hz and low <= clocks <= high and abs(record.frame_ticks / DEFAULT.tick_hz - frame_s) <= 1e-12:
+        raise ConfigError(
+            f"design.tick_clocks = {record.tick_clocks} clocks of {1e-6 * record.master_hz:g} MHz is "
+            f"{1e6 / record.tick_hz:.4g} us; for {1e-6 * DEFAULT.tick_hz:g} MHz set tick_clocks = {clocks:g}"
+        )
+
+
 def _check(config):
     design_check.check(config)
     device, needed_s = config.device(), 1 / config.design_record().frame_hz
@@ -89,6 +102,7 @@ def _check(config):
         raise ConfigError(f'firmware.adc_clock = "{config.firmware.adc_clock}": the loop analysis needs "synchronous"')
     frame_s = device.adc_decimation / device.adc_modulator_hz
     if abs(frame_s - needed_s) > 1e-12:
+        _check_tick(config.design_record(), frame_s)
         raise ConfigError(
             f"plant.adc_decimation = {device.adc_decimation}: a conversion every {1e6 * frame_s:g} us; "
             f"the loop analysis needs {1e6 * needed_s:g} us, one frame of [design]"

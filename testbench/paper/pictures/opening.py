@@ -37,7 +37,7 @@ def waterfall_steps(rows):
     for row in rows:
         name = next((step for step, begins in STEPS.items() if row.what.startswith(begins)), OTHER)
         deg, assumed = out.get(name, (0.0, False))
-        out[name] = deg + row.degrees, assumed or bool(row.assumed and row.degrees)
+        out[name] = deg + row.degrees, assumed or bool(row.is_assumed and row.degrees)
     return {name: value for name, value in out.items() if abs(value[0]) > 1e-9}
 
 

@@ -134,6 +134,15 @@ print("HEAVY", sorted(set({HEAVY}) & set(sys.modules)))
         assert option in done.stdout
 
 
+def test_the_budget_loads_no_compiler():
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "testbench.commands.main", "budget"],
+        capture_output=True, text=True, check=True, cwd=ROOT,
+    )  # fmt: skip
+    assert "testbench.run.budget" in done.stderr
+    assert "numba" not in done.stderr
+
+
 def test_the_version(capsys):
     assert gyro(capsys, "--version") == (0, f"gyro {VERSION}\n", "")
 

@@ -181,6 +181,15 @@ def test_the_written_configuration_reads_back_the_same():
     again = config.from_dict(tomllib.loads(config.to_toml(checked)))
     assert again == checked
     assert config.to_toml(again) == config.to_toml(checked)
+    assert config.from_dict(tomllib.loads(config.to_toml(checked, inherited=False))) == checked
+
+
+def test_a_configuration_is_written_without_what_follows_the_nominal_board():
+    checked = config.from_dict({"nominal": {"fx_hz": 14000.0}, "plant": {"qx": 9e4}})
+    tree = tomllib.loads(config.to_toml(checked, inherited=False))
+    assert config.from_dict(tree) == checked
+    assert tree["plant"] == {"qx": 9e4}
+    assert "plant" not in tomllib.loads(config.to_toml(config.load(), inherited=False))
 
 
 def test_a_configuration_cannot_be_changed_in_place():

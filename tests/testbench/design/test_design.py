@@ -80,6 +80,26 @@ def test_the_command_writes_what_locks(tmp_path):
     assert seen.peak_db <= 1.3
 
 
+def test_another_board_is_designed_with_its_warnings(tmp_path):
+    text = "[nominal]\nfx_hz = 9600.0\nfy_hz = 9460.0\n[design]\nmaster_hz = 24000000\ntick_clocks = 24\n"
+    (tmp_path / "T.toml").write_text(f'{text}sense_dac = "DAC8811"\n')
+    done = gyro("design", "T.toml", "--out", "D.toml", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = " ".join(done.stdout.split())
+    for line in (
+        "known to 1600 uHz; if 9600 Hz is only nominal, state the measured frequency, such as 9603.7 Hz",
+        "set-point 6.38 um. The plant keeps it linear (plant.ring_saturation_on = 0). Choose a smaller amplitude_um.",
+        "still those of the default AD5791; state nominal.sense_dac_delay_s and sense_pole_1_s for your chip",
+        "ye1 + xe2', by which rate leaks into quadrature",
+    ):
+        assert line in said
+    result, file = designer.design(target.load(tmp_path / "T.toml"), "T.toml"), tmp_path / "D.toml"
+    assert load(file) == result.config
+    assert "[plant]" not in [line.strip() for line in file.read_text().splitlines()]
+    file.write_text(file.read_text().replace("fx_hz = 9600.0", "fx_hz = 9603.7"))
+    assert load(file).plant.fx_hz == load(file).firmware.nominal_frequency_hz == 9603.7
+
+
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "low_cost")) for n in OTHER_DESIGNS])
 def test_the_default_loops_on_another_design_do_what_is_predicted(name):
     config = changed(load(BOARDS / f"{name}.toml"), OTHER_DESIGNS[name] | quiet.QUIET)

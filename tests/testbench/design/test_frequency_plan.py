@@ -167,7 +167,10 @@ def line(found, word):
 def test_what_the_plan_minds():
     good = frequency_plan.plan(Device(), 25.0, 0.005)
     assert all(m.is_satisfied for m in good)
-    assert not line(frequency_plan.plan(Device(fx_hz=12500.01), 25.0), "edges").is_satisfied
+    edges = line(frequency_plan.plan(Device(fx_hz=12500.01), 25.0), "edges")
+    assert not edges.is_satisfied
+    assert edges.remedy == "if 12500.01 Hz is only nominal, state the measured frequency, such as 12503.7 Hz"
+    assert line(frequency_plan.plan(Device(fx_hz=12503.7), 25.0), "edges").is_satisfied
     assert not line(frequency_plan.plan(Device(carrier_ppm=0.5), 25.0), "carrier").is_satisfied
     coarse = DEFAULT._replace(dds_bits=28)
     assert not line(frequency_plan.plan(Device(), 25.0, design=coarse), "DDS").is_satisfied

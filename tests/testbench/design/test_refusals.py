@@ -11,6 +11,7 @@ DISK = {"fx_hz": 14000.7, "fy_hz": 13980.7, "qx": 80e3, "qy": 80e3}
 # what is wrong in the file: (tree, texts that the line must have)
 WRITTEN = {
     "section": ({"goal": {}}, ("[goal] is not a known section",)),
+    "plant": ({"plant": {}}, ("[plant] is not a known section", "; describe the board in [nominal]")),
     "key": ({"target": {"bandwidth": 25.0}}, ("target.bandwidth is not a known key", "bandwidth_hz")),
     "unit": ({"target": {"bandwidth_khz": 0.025}}, ("in Hz", "target.bandwidth_hz = 25")),
     "text": ({"target": {"bandwidth_hz": "25 Hz"}}, ("is text", "write bandwidth_hz = 25")),
@@ -44,6 +45,10 @@ RANGES = {
     "no split": ({"nominal": {"fy_hz": 11002.3}}, ("nominal.fx_hz - fy_hz = 0",)),
     "serial clock": ({"design": {"master_hz": 52_000_000}}, ("52000000 Hz", "DAC8811", "50000000 Hz")),
     "frame rate": ({"design": {"frame_ticks": 100}}, ("a conversion every 125 us", "needs 100 us", "[design]")),
+    "tick": (
+        {"design": {"master_hz": 24_000_000}},
+        ("design.tick_clocks = 26 clocks of 24 MHz is 1.083 us; for 1 MHz set tick_clocks = 24",),
+    ),
     "demodulator": ({"firmware": {"board": "digital_sid"}}, ("firmware.board", "analog_sid")),
 }
 # what the search finds impossible
@@ -86,6 +91,12 @@ def test_what_no_choice_suits_is_one_line(name):
     tree, texts = SEARCHED[name]
     line = line_of(tree)
     assert all(text in line for text in texts), line
+
+
+def test_what_a_run_refuses_is_not_written():
+    assert "nominal.sense_dac_power_on_v = -10 would have no effect" in line_of(
+        {"nominal": {"sense_dac_power_on_v": -10.0}}
+    )
 
 
 def test_the_split_stops_a_fast_loop():

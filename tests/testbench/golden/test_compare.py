@@ -7,7 +7,7 @@ import pytest
 
 from testbench.errors import FileError
 from testbench.golden.check import diagnose as why
-from testbench.golden.check.compare import SCHEMA, Column, compare, formats
+from testbench.golden.check.compare import MOST_INPUTS, SCHEMA, Column, compare, formats
 from tests.testbench.golden import planted
 
 
@@ -66,7 +66,7 @@ def test_the_first_divergence_is_exact():
     assert d.expected == expected["code"][41]
     assert d.got == expected["code"][41] + 3
     assert d.time_ns == pytest.approx(41 / 26e6 * 1e9)
-    assert [cycle for cycle, _, _ in d.before] == [37, 38, 39, 40, 41]
+    assert [row[0] for row in d.before] == [37, 38, 39, 40, 41]
     assert report.differing == {"code": 1, "held1": manifest["n"] - 300}
     assert report.diagnosis == ()
     assert "diagnosis         unknown" in report.text()
@@ -90,6 +90,61 @@ def test_values_are_decoded_by_their_format():
     d = compare(manifest, inputs, expected, got).divergence
     assert d.got_value == 0.5
     assert d.expected_value == expected["product"][7] / 2**40
+
+
+def test_values_have_as_many_digits_as_distinguish_them():
+    manifest, inputs, expected, got = golden()
+    expected["product"][7], got["product"][7] = 8589933568, 8589934591
+    report = compare(manifest, inputs, expected, got)
+    d = report.divergence
+    assert f"  expected        8589933568 = 0.00781249907 {d.fmt}\n" in report.text()
+    for want, have, texts in (
+        (8589933568, 8589934591, ("0.999999881", "1")),
+        (4, 3, ("4.65661e-10", "3.49246e-10")),
+        (1 << 33, (1 << 33) + 1, ("1", "1.00000000012")),
+        ((1 << 62) + 1, 1 << 62, ("536870912", "536870912")),
+        (1 << 32, None, ("0.5", None)),
+    ):
+        values = (k if k is None else k / 2**33 for k in (want, have))
+        assert d._replace(**dict(zip(("expected_value", "got_value"), values))).decimal_texts() == texts
+
+
+def test_cells_that_are_not_judged_are_no_differences():
+    manifest, inputs, expected, got = golden()
+    care = np.ones(manifest["n"], bool)
+    care[39] = False
+    got["code"][39] += 5
+    got["code"][41] += 3
+    report = compare(manifest, inputs, expected, got, {"code": care}, before=2)
+    names, first, _, last, legend = report.text().splitlines()[4:9]
+    assert names.split()[:2] == ["cycle", "code"]
+    assert first.split()[:3] == ["39", f"{expected['code'][39]}*", str(expected["product"][39])]
+    assert f"{expected['code'][41]} / {got['code'][41]}" in last
+    assert legend == "  (expected / got where they differ; * expected, not judged)"
+    before = report.to_dict()["first"]["before"]
+    assert [row["not_judged"] for row in before] == [["code"], [], []]
+    assert before[0]["got"]["code"] == got["code"][39]
+    assert "*" not in compare(manifest, inputs, expected, got, before=2).text()
+
+
+def test_the_inputs_at_the_edge_before_the_first_difference_are_shown():
+    manifest, inputs, expected, got = golden()
+    got["code"][41] += 3
+    report = compare(manifest, inputs, expected, got)
+    edge = {name: int(column[40]) for name, column in inputs.items()}
+    line = "  inputs at edge 40: " + ", ".join(f"{name} {value}" for name, value in edge.items())
+    assert f"{line}\n" in report.text()
+    assert report.to_dict()["first"]["inputs"] == {"edge": 40, "values": edge}
+    more = {f"i_{k}": inputs["sine"] for k in range(MOST_INPUTS)}
+    entries = [manifest["inputs"][0] | {"name": name} for name in more]
+    many = compare(manifest | {"inputs": manifest["inputs"] + entries}, inputs | more, expected, got)
+    assert f"  inputs at edge 40: {len(inputs) + MOST_INPUTS}, in window.vcd\n" in many.text()
+    # before row 0 there is no edge, and an input is no result of one
+    got["code"][0] += 1
+    for columns in (got, {**got, "sine": inputs["sine"] + 1}):
+        report = compare(manifest, inputs, expected, columns)
+        assert "inputs at edge" not in report.text()
+        assert report.to_dict()["first"]["inputs"] is None
 
 
 def test_a_report_carries_the_diagnosis_in_text_and_json():

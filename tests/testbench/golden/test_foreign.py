@@ -248,7 +248,8 @@ def test_a_wrapped_folder_checks_by_make_alone(bundles, tmp_path, name, sim):
              f"PYTHON={sys.executable}"]  # fmt: skip
     done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
     count = len(levels.levels_entry(BLOCKS[stem])[level])
-    said = f"PASS {stem}/{case}: {len(found.golden.exp)} rows, {count} ports at level {level} [{sim}]\n"
+    ports = "1 port" if count == 1 else f"{count} ports"
+    said = f"PASS {stem}/{case}: {len(found.golden.exp)} rows, {ports} at level {level} [{sim}]\n"
     assert (done.returncode, done.stdout) == (0, said), done.stdout + done.stderr
     (own / file).write_text((own / file).read_text().replace(old, new))
     done = subprocess.run(goals, capture_output=True, text=True, timeout=300)
@@ -476,6 +477,46 @@ def test_a_bundle_that_cannot_be_written_to_is_one_line_of_make(bundles, tmp_pat
     done = make_check(tmp_path / "b", "icarus", ROOT / "testbench" / "rtl")
     assert done.stdout.startswith(f"FAIL pi/rate: {tmp_path}/b/build: no folder to write into\n")
     assert done.returncode == 2
+
+
+def test_a_parameter_that_the_map_leaves_out_is_a_note(bundles, tmp_path):
+    installed("icarus")
+    shutil.copytree(DESIGNS / "loop_filter", tmp_path / "d")
+    (tmp_path / "d" / "map.toml").write_text(MAP.replace('ki = "KI"\n', "").replace("y = ", "r_y = "))
+    report = rtl_run.check(
+        bundles("pi") / "rate", tmp_path / "d", choice=choice("d", "outputs", "loop_filter.f", tmp_path)
+    )
+    note = "parameter ki is not in [parameters] of the map; the design uses its own value"
+    assert not report.passed
+    assert report.text().endswith(f"note              {note}\n")
+    assert report.to_dict()["notes"] == (note,)
+    assert report._replace(divergence=None).text().endswith(f": PASS\nnote              {note}\n")
+    manifest = bundle.read(bundles("pi") / "rate").manifest
+    for old, new, notes in (
+        ("", "", ()),
+        ('ki = "KI"\n', "[constants]\nKI = 3\n", ()),
+        ('kp = "KP"\nki = "KI"\n', "", ("parameters kp, ki are not in [parameters] of the map; "
+                                      "the design uses its own values",)),
+    ):  # fmt: skip
+        text = MAP.replace(old, "")
+        (tmp_path / "m.toml").write_text(text if not new.startswith("[constants]") else f"{text}{new}")
+        assert design_map.parameter_notes(manifest, design_map.read(tmp_path / "m.toml", manifest, "outputs")) == notes
+    # no register of spi_dac depends on flip, header, ...
+    manifest = bundle.read(bundles("spi_dac") / "ad5791").manifest
+    dac_link = design_map.read(DESIGNS / "dac_link" / "map.toml", manifest, "pins")
+    assert design_map.parameter_notes(manifest, dac_link) == ()
+
+
+def test_the_folder_of_a_block_is_refused_with_its_cases(bundles, tmp_path):
+    shutil.copytree(bundles("pi"), tmp_path / "pi")
+    for words in (["wrap", str(tmp_path / "pi"), "--map", "m.toml"], ["check", str(tmp_path / "pi"), "--rtl", "."]):
+        found = CliRunner().invoke(cli.app, words)
+        assert str(found.exception) == (
+            f"{tmp_path / 'pi'}: the folder of a block; give that of a case: {', '.join(sorted(BLOCKS['pi'].cases))}"
+        )
+        # what `wrap` writes beside the cases is none of them
+        (tmp_path / "pi" / "rate_outputs").mkdir(exist_ok=True)
+        (tmp_path / "pi" / "rate_outputs" / "manifest.json").write_text('{"of_bundle": ""}')
 
 
 # docs/foreign_designs.md ----------------------------------------------------------------------------------------------

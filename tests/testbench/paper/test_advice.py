@@ -215,7 +215,14 @@ def test_json_of_the_default_loop(capsys):
     assert said["stable"] is True
     assert 24 <= said["bandwidth_hz"] <= 30
     assert said["warnings"][0].startswith("ye1 + xe2' = 10.18 deg")
+    assert said["warnings"][1].startswith("Ring diode: ")
     assert len(said["crossings"]) == 3
+
+
+def test_a_margin_that_does_not_exist_is_none_with_its_reason():
+    rows = {row[0]: row[1:] for row in loop_page.tables(loop_page.Study(CONFIG))[0].rows}
+    assert rows["FTR gain margin, downwards"] == ("none", "stable down to -60 dB")
+    assert rows["FTR gain margin, upwards"][1] == "dB"
 
 
 def test_tables_of_an_unstable_loop(capsys):

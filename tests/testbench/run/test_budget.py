@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.run import budget
+from testbench.errors import ConfigError
+from testbench.run import budget, run_tables
 from tests.testbench.bench_setup import configured, quiet
 
 F = 11002.3
@@ -84,6 +85,48 @@ def test_the_lock_offset_of_the_design():
     """-2.41 mHz at 5.01 deg and Q 2e5; -2.26 mHz with the switch delay taken off."""
     assert budget.lock_frequency_hz(F, 2e5, 3.7647, 1.2459) - F == pytest.approx(-2.41e-3, abs=0.01e-3)
     assert budget.lock_frequency_hz(F, 2e5, 3.7647, 1.2459 - 0.3169) - F == pytest.approx(-2.26e-3, abs=0.01e-3)
+
+
+def test_a_design_that_a_run_refuses_has_no_budget():
+    for values in ({"design__master_hz": 24_000_000, "design__tick_clocks": 24}, {"design__sense_dac_bits": 16}):
+        with pytest.raises(ConfigError, match=r"design\.\w+ = \d+ .*(AD5791|generic)"):
+            budget.budgets(configured(**values))
+
+
+def test_a_value_of_the_configuration_is_called_given():
+    values = {"nominal__sense_pole_1_s": 1e-7, "nominal__c0_f": 2.5e-12, "firmware__reference_registers": 2}
+    default, planned = budget.budget(configured()), budget.budget(configured(**values))
+
+    def texts(planned, node):
+        return {row.what: row.assumed for row in planned.rows[node]}
+
+    changes = {"output pole 1": "given", "reference: alignment registers": "given"}
+    fitted = {what: text.removeprefix("fitted: ") for what, text in texts(default, "ye1").items()}
+    assert texts(planned, "ye1") == fitted | changes
+    assert texts(planned, "xe2")["ring diode with its capacitors"] == "given: c0_f"
+    notes = [table.note for table in run_tables.budget_tables(planned)]
+    assert all('"given" marks a value' in note for note in notes)
+    assert "given" not in run_tables.budget_tables(default)[0].note
+
+
+def test_another_chip_with_the_values_of_the_default_one_is_noted():
+    planned = budget.budget(configured(design__sense_dac="DAC8811"))
+    ((node, line),) = planned.dac_notes
+    assert node == "ye1"
+    assert line.startswith('design.sense_dac = "DAC8811": delay, poles and noise of the output are still those of the')
+    assert [line in table.note for table in run_tables.budget_tables(planned)] == [False, False, True, False]
+    assert run_tables.budget_json(planned)["dac_notes"] == [line]
+    assert not budget.budget(configured(design__sense_dac="DAC8811", plant__sense_dac_delay_s=0.0)).dac_notes
+    assert not budget.budget(configured()).dac_notes
+
+
+def test_an_amplitude_beyond_one_percent_of_a_linear_ring_is_a_warning():
+    (line,) = budget.ring_warnings(configured())
+    assert "1 % at 3.09 um" in line
+    assert line.endswith("set-point 5 um. The plant keeps it linear (plant.ring_saturation_on = 0). Choose a smaller "
+                         "amplitude_um.")  # fmt: skip
+    for values in ({"firmware__amplitude_um": 3.0}, {"plant__ring_saturation_on": 1}):
+        assert not list(budget.ring_warnings(configured(**values)))
 
 
 def test_poles_warm_up_with_the_op_amps():
