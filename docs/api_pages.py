@@ -17,13 +17,16 @@ PUBLIC = ("config/load.py", "run/simulate.py", "run/simulation.py", "run/budget.
 # unit by the end of an argument's name, as docs/conventions.md has it
 UNITS = {
     "dps": "deg/s",
+    "deg_s": "deg/s",
     "rad_s": "rad/s",
+    "v_s": "V s",
     "degc": "degC",
     "ticks": "ticks of 1 us",
     "percent": "%",
     **{unit: unit for unit in ("s", "ns", "deg", "rad", "m", "um", "ppm", "ohm", "kg")},
-    **{unit.lower(): unit for unit in ("Hz", "V", "N", "F", "K")},
+    **{unit.lower(): unit for unit in ("Hz", "V", "F", "K", "C")},
 }
+WIDTH = 100  # characters of a signature on one line
 EXTRAS = {}  # {module: function -> Markdown behind its docstring}; docs/conf.py fills it
 
 
@@ -33,7 +36,7 @@ def modules():
         ROOT / "testbench" / name for name in PUBLIC
     ]
     named = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in paths}
-    return {name: path for name, path in sorted(named.items()) if ast.parse(path.read_text()).body}
+    return {name: path for name, path in sorted(named.items()) if path.name != "__init__.py"}
 
 
 def described_arguments(node, names):
@@ -58,8 +61,13 @@ def prose(node, raw=None):
     indent = " " * (getattr(node, "col_offset", -4) + 4)
     parts = []
     for part in "\n".join(line.removeprefix(indent).rstrip() for line in raw.split("\n")).strip().split("\n\n"):
-        aligned = any(line.startswith(" ") or "  " in line for line in part.splitlines())
-        parts.append(f"```text\n{textwrap.dedent(part)}\n```" if aligned else escaped(part))
+        lines = part.split("\n")
+        first = next((k for k, line in enumerate(lines) if line.startswith(" ") or "  " in line.strip()), len(lines))
+        if first:
+            parts.append(escaped("\n".join(lines[:first])))
+        if first < len(lines):
+            aligned = textwrap.dedent("\n".join(lines[first:])).replace("`", "")
+            parts.append(f"```text\n{aligned}\n```")
     return "\n\n".join(parts)
 
 
@@ -74,12 +82,25 @@ def constructor(node):
     return next((n for n in node.body if isinstance(n, ast.FunctionDef) and n.name == "__init__"), None)
 
 
-def signature(node, lines):
+def call(name, node):
+    """`name(arguments)`, one argument to a line where they are too many for one."""
+    every = [part for part in ast.unparse(node.args).split(", ") if part not in ("self", "cls")]
+    text = f"{name}({', '.join(every)})"
+    return (
+        text
+        if len(text) <= WIDTH
+        else f"{name}(\n    {ast.unparse(node.args).removeprefix('self, ')}\n)".replace(", ", ",\n    ")
+    )
+
+
+def signature(node, lines, owner=""):
     """`name(arguments)` of a function; of a record its name and fields, each with its comment: that holds the unit."""
     if isinstance(node, ast.FunctionDef):
-        return f"{node.name}({ast.unparse(node.args)})"
+        name = f"{owner}.{node.name}" if owner else node.name
+        is_property = any(ast.unparse(d) in ("property", "functools.cached_property") for d in node.decorator_list)
+        return name if is_property else call(name, node)
     if begin := constructor(node):
-        return f"class {node.name}({ast.unparse(begin.args).removeprefix('self, ')})"
+        return f"class {call(node.name, begin)}"
     fields = [item for item in node.body if isinstance(item, ast.AnnAssign)]
     return "\n".join([f"class {node.name}", *("\n".join(lines[f.lineno - 1 : f.end_lineno]) for f in fields)])
 
@@ -105,40 +126,57 @@ def arguments_of(node):
 
 
 def described(node, function):
-    """Markdown of a docstring, then a table of the function's arguments: unit, default, description."""
+    """Markdown of a docstring, then a table of the function's arguments: unit, default, meaning."""
     defaults = arguments_of(function)
     descriptions, rest = described_arguments(node, defaults)
     if not descriptions and not any(map(unit_of, defaults)):
         return prose(node)
-    lines = ["| argument | unit | default | |", "|---|---|---|---|"]
-    for name, default in defaults.items():
-        text = escaped(descriptions.get(name, "")).replace("|", "\\|")
-        lines.append(f"| `{name}` | {unit_of(name)} | {default} | {text} |")
-    return f"{prose(node, rest)}\n\n" + "\n".join(lines)
+    columns = {
+        "argument": [f"`{name}`" for name in defaults],
+        "unit": [unit_of(name) for name in defaults],
+        "default": list(defaults.values()),
+        "meaning": [escaped(descriptions.get(name, "")).replace("|", "\\|") for name in defaults],
+    }
+    columns = {head: cells for head, cells in columns.items() if any(cells)}
+    rows = [tuple(columns), ("---",) * len(columns), *zip(*columns.values())]
+    return f"{prose(node, rest)}\n\n" + "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 def members(body, owner=""):
-    """(heading, node) of public functions and classes; methods, one level lower, behind their class."""
+    """(class, node) of public functions and classes that have a docstring; methods behind their class."""
     for node in body:
         is_public = isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_")
         if is_public and not any(ast.unparse(d).endswith(".setter") for d in node.decorator_list):
-            yield f"### {owner}.{node.name}" if owner else f"## {node.name}", node
+            if ast.get_docstring(node):
+                yield owner, node
             if isinstance(node, ast.ClassDef):
                 yield from members(node.body, node.name)
+
+
+def split_source(docstring):
+    """(docstring without its line `Source  ...`, that line as Markdown with links to pages of docs)."""
+    found = re.search(r"^Source +(.*(?:\n +.*)*)\n?", docstring, re.M)
+    if not found:
+        return docstring, ""
+    text = " ".join(found[1].split())
+    linked = re.sub(r"docs/([\w/-]+\.md)", r"[\1](../\1)", escaped(text))
+    return docstring.replace(found[0], ""), f"Source: {linked}"
 
 
 def page(name, path):
     """Markdown of a module."""
     source = path.read_text()
     tree = ast.parse(source)
-    lines = [f"# {name}", prose(tree)]
+    docstring, source_line = split_source(ast.get_docstring(tree, clean=False) or "")
+    lines = [f"# {name.rpartition('.')[2]}", f"`{name}`", prose(tree, docstring), source_line]
     if name in EXTRAS:
         lines.append(EXTRAS[name]())
-    for heading, node in members(tree.body):
-        lines += [heading, f"```python\n{signature(node, source.splitlines())}\n```"]
+    for owner, node in members(tree.body):
+        heading = f"### {owner}.{node.name}" if owner else f"## {node.name}"
+        lines += [heading, f"```python\n{signature(node, source.splitlines(), owner)}\n```"]
         function = node if isinstance(node, ast.FunctionDef) else constructor(node)
         lines.append(described(node, function) if function else prose(node))
-    return "\n\n".join(lines) + "\n"
+    return "\n\n".join(filter(None, lines)) + "\n"
 
 
 def write(folder):

@@ -27,6 +27,8 @@ exclude_patterns = ["_build", "results", "changes"]
 html_theme = "furo"
 html_title = f"FTR gyro {VERSION}"
 html_copy_source = False
+html_use_index = False
+smartquotes = False  # a command keeps its dashes, a value its quotes
 html_static_path = ["static"]
 html_css_files = ["tables.css"]
 myst_heading_anchors = 4
@@ -71,11 +73,15 @@ CHAPTERS = {
 }
 
 
+def _sorted_pages(pattern):
+    return sorted(DOCS.glob(f"{pattern}.md"), key=lambda path: path.name.removesuffix(".md"))
+
+
 def contents():
     """Tables of contents for the side bar; on a code host the front page is plain Markdown."""
     lines = []
     for caption, patterns in CHAPTERS.items():
-        names = [path.relative_to(DOCS) for pattern in patterns for path in sorted(DOCS.glob(f"{pattern}.md"))]
+        names = [path.relative_to(DOCS) for pattern in patterns for path in _sorted_pages(pattern)]
         lines += ["```{toctree}", ":hidden:", f":caption: {caption}", "", *map(str, names), "```", ""]
     return "\n".join(lines)
 

@@ -56,7 +56,7 @@ def budget_summary(planned, plain):
         values = (node[name], ns, loop.get(name), without[name], PAPER_DEG[name])
         cells = (to_decimals(value, digits) for value, digits in zip(values, (4, 1, 4, 4, 4)))
         rows.append((name, *cells, f"{gap_deg:+.4f} ({gap_ns:+.0f} ns)", beside[name]["verdict"]))
-    heads = ("phase", "node deg", "ns", "loop deg", "without the assumptions deg", "paper deg", "node less paper",
+    heads = ("phase", "node deg", "ns", "loop deg", "without the assumptions deg", "paper deg", "node minus paper",
              "verdict")  # fmt: skip
     return Table("", heads, rows, numeric=(1, 2, 3, 4, 5, 6))
 
@@ -65,7 +65,7 @@ def budget_part():
     """Summary and four tables of the default configuration."""
     planned, plain = budget.budgets(Config())
     parts = [
-        f"At {planned.frequency_hz:.1f} Hz and 25 degC. {run_tables.FITTED}",
+        f"At {planned.frequency_hz:.1f} Hz and 25 degC.",
         markdown(budget_summary(planned, plain)),
     ]
     for table in run_tables.budget_tables(planned, plain):
@@ -112,8 +112,8 @@ def rivals_part():
         xe1, ye1 = to_decimals(deg["xe1"], 4), to_decimals(deg["ye1"], 4)
         rows.append((text, xe1, f"{gaps_ns[0]:+.0f} ns", ye1, f"{gaps_ns[1]:+.0f} ns"))
     rows.append(("the paper", to_decimals(PAPER_DEG["xe1"], 4), "", to_decimals(PAPER_DEG["ye1"], 4), ""))
-    heads = ("hardware", "xe1 deg", "less paper", "ye1 deg", "less paper")
-    return f"{markdown(Table('', heads, rows, numeric=(1, 2, 3, 4)))}\n\n{run_tables.FITTED}"
+    heads = ("hardware", "xe1 deg", "minus paper", "ye1 deg", "minus paper")
+    return markdown(Table("", heads, rows, numeric=(1, 2, 3, 4)))
 
 
 # ---- the paper's numbers ---------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ def keys_part():
     parts = []
     for section in config.sections():
         table = reference_tables.section_table(section)
-        parts += [f"### [{section}]", table.title.partition(": ")[2], markdown(code_cells(table, 0, 1))]
+        parts += [f"### [{section}]", table.title.partition(": ")[2], markdown(code_cells(table, 0, 1, 2))]
     return "\n\n".join(parts)
 
 
@@ -181,7 +181,7 @@ def sealed_part():
 PARTS = {
     "keys": keys_part,
     "faults": lambda: markdown(code_cells(reference_tables.fault_table(), 0)),
-    "target": lambda: markdown(code_cells(reference_tables.target_table(), 0, 1)),
+    "target": lambda: markdown(code_cells(reference_tables.target_table(), 0, 1, 2)),
     "effects": effects_part,
     "columns": lambda: markdown(code_cells(reference_tables.column_table(), 0)),
     "register_map": lambda: markdown(code_cells(reference_tables.register_table())),

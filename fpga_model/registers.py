@@ -197,16 +197,6 @@ def read(state, address):
     return to_bus(int(value), register.fmt)
 
 
-def table_markdown():
-    """The map as a Markdown table."""
-    lines = ["| address | name | format | reset | access | unit | meaning |", "|---|---|---|---|---|---|---|"]
-    for r in MAP:
-        reset = "-" if r.access == "ro" and r.path else f"0x{to_bus(r.reset, r.fmt):X}"
-        unit = r.unit or "-"
-        lines.append(f"| 0x{r.address:02X} | {r.name.upper()} | {r.fmt} | {reset} | {r.access} | {unit} | {r.doc} |")
-    return "\n".join(lines)
-
-
 BLOCK = Block(
     place=200,
     inputs={"write": BIT, "address": ADDRESS, "data": DATA, "taken": BIT},

@@ -22,7 +22,7 @@ Errors    effects.adc_*, off by default, before offset, gain and INL; f is full 
           v' = v (1 + tc (T - 25 degC)) + f sum c_n T_n(v/f) + t |v| + m v_before,  T_n Chebyshev, n = 2 .. 14
           adc_gain_tc_per_k: tc   adc_curve: c_n   adc_turnover: t   adc_memory: m. Clocked and frame engine only
 Missing   bit stream and idle tones of the modulator, multiplexing, settling after a change of the PGA
-State     two arrays, **mutated in place**
+State     two arrays, mutated in place
 Source    docs/plant.md, docs/effects.md
 """
 

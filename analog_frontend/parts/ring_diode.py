@@ -13,7 +13,7 @@
   Cj       reverse capacitance of a junction: it bridges A to C and D, so it loads v but not the bounce
   g        the diodes that block, C to B and D to A, conduct a little: g - 1 is 3e-5 at 27 degC, 2 % at 70 degC
   Is(T)    Is (T/Tn)^(XTI/n) exp((T/Tn - 1) EG/(n VT)): the gain's temperature coefficient comes out
-Range     **small signal**: two diodes in series join C and D, so the circuit clips near 2 Vf: `limit_f` says where.
+Range     small signal: two diodes in series join C and D, so the circuit clips near 2 Vf: `limit_f` says where.
           The plant stays linear where plant.ring_saturation_on is 0, the default; else ring_cycle.py
 Check     a transient ngspice run of the circuit, diodes HSMS-282x: gain, step time constant and delay within 1 % from
           -20 to 70 degC, 2 % at 85 degC. `limit_f`: within 8 % of ring_cycle.py
@@ -184,7 +184,7 @@ def limit_f(*ring_arguments):
     """Amplitude (F) of a sine of dC at which its fundamental has lost LIMIT_LOSS of the gain; arguments: `diode_ring`.
 
         dC = n VT/(g gain) ln(sinh(u e^v)/sinh(u e^-v)),  v = V/(2 n VT)     the charge that C->B and D->A let through
-    Junctions and V within a half period count as for small signals: 8 % of the amplitude at most (docs).
+    Junctions and V within a half period count as for small signals: 8 % of the amplitude at most (docs/plant.md).
     """
     ring = diode_ring(*ring_arguments)
     n_vt = float(n_vt_v(*ring_arguments[5:7]))

@@ -14,7 +14,7 @@ cubic Hermite polynomial through v and v' at both ends of the tick: polynomials 
 Error     |dq1| <= r (2 pi f h)^4/720 per volt, 2.0e-11 at 11 kHz and 50 Hz; the groups err oppositely: the output by
           less than 8 h f (2 pi f h)^4/720 = 2.8e-9 per volt of quadrature, by nothing in phase. v smooth over a tick
 Series    four terms: q to (r s)^4/56 relative, 3e-15 at 50 Hz and 5e-12 at the limit r <= 0.004
-State     `reset()`: float64 array (4 demodulators, 6 capacitors), **mutated in place**
+State     `reset()`: float64 array (4 demodulators, 6 capacitors), mutated in place
 Charge    a switch that opens leaves `inject` volts on its capacitor: on-time mean raised by 2 Q R f per stage, C1 once,
           C3 twice, C5 three times. `inject_v` takes six voltages
 Behaviour gain 4/pi in phase, 0 in quadrature; odd harmonics n by 1/n, even ones 0; input offset cancels

@@ -20,6 +20,11 @@ def _limits(info):
     return " or ".join(toml_value(choice) for choice in literal_choices(info)) or limits
 
 
+def _default(value):
+    text = toml_value(value)
+    return f"{value:.6g}" if isinstance(value, float) and len(text) > 12 else text
+
+
 def section_table(section):
     """Keys of a section: default, limits, unit, kind of its source where known, meaning."""
     model, sources = sections()[section], provenance.SECTIONS.get(section, {})
@@ -31,7 +36,7 @@ def section_table(section):
         kind = (sources[key].kind,) if sources else ()
         why = f"; {sources[key].text}" if section == "firmware" else ""
         meaning = f"{info.description or ''}{why}"
-        rows.append((key, toml_value(info.default), _limits(info), spaced_unit(info).strip(), *kind, meaning))
+        rows.append((key, _default(info.default), _limits(info), spaced_unit(info).strip(), *kind, meaning))
     return Table(f"{section}: {' '.join(model.__doc__.split())}", heads, rows, numeric=())
 
 
@@ -51,7 +56,7 @@ def target_table():
     """Keys of a target for `gyro design`."""
     rows = []
     for key, info in Target.model_fields.items():
-        default = "" if info.default is None else toml_value(info.default)
+        default = "" if info.default is None else _default(info.default)
         rows.append((key, default, _limits(info), spaced_unit(info).strip(), info.description))
     heads = ("key", "default", "limits", "unit", "meaning")
     return Table("target: keys of a file for gyro design", heads, rows, numeric=())

@@ -75,7 +75,7 @@ def run(sets, say=print):
                 continue
             seconds = time.monotonic() - start
             rows.append((label, data, image))
-            say(f"{name}: {label}: {data['verdict']}, {len(data['effects'])} law(s), {seconds:.0f} s")
+            say(f"{name}: {label}: {data['verdict']}, laws: {len(data['effects'])}, {seconds:.0f} s")
         reports_by_set[name] = rows
         if rows:
             out[name] = join_reports(rows)

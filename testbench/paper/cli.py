@@ -51,7 +51,7 @@ def calibrate(
     from testbench.paper import page_tables
 
     tables = [page_tables.calibration_table(results[0]), page_tables.cases_table(results[0])] if boards == 1 else []
-    print_tables([*tables, page_tables.boards_table(results)])
+    print_tables([*tables, page_tables.boards_table(results, boards == 1 and seed is None)])
     print_list("Written:", [str(p) for p in paths])
 
 
@@ -96,7 +96,7 @@ class PaperOptions(NamedTuple):
         "out/paper"
     )
     small: Annotated[
-        bool, typer.Option("--small", help="Cases 1 and 5 at 25 degC, short records, no random boards.")
+        bool, typer.Option("--small", help="Cases 1 and 5 at 25 degC, short records, no random boards; 1 to 7 minutes.")
     ] = False
     boards: Annotated[int | None, typer.Option(min=0, max=1000, help="Number of random boards to calibrate (20).")] = (
         None
@@ -144,9 +144,9 @@ def numbers(as_json: Json = False):
     from testbench.paper import closed_form, judge_table
 
     rows = judge.rows(closed_form.rounded_default())
-    print_reference(judge_table.tables(rows), as_json)
     if not as_json:
         print_list("", [judge_table.sentence(rows)])
+    print_reference(judge_table.tables(rows), as_json)
 
 
 def add(app):

@@ -89,12 +89,13 @@ def document(rows):
     letter = {keys: chr(ord("A") + k) for k, keys in enumerate(rows_by_fitted_keys)}
     cells = []
     for row in rows:
-        name, case, temp, _, paper = _row_cells(row, "")[:5]
+        name, case, temp, unit, paper = _row_cells(row, "")[:5]
         sigma = f" +- {row.number.sigma:.2g}" if row.number.sigma else ""
-        cells.append((name, case, temp, f"{paper}{sigma}", row.rule.role, letter.get(row.rule.rests_on, ""),
+        quantity = f"{name} ({unit})" if unit not in ("", "1") else name
+        cells.append((quantity, case, temp, f"{paper}{sigma}", row.rule.role, letter.get(row.rule.rests_on, ""),
                       row.verdict, row.basis))  # fmt: skip
     heads = ("quantity", "case", "degC", "paper", "role", "depends on", "verdict", "basis")
-    keys = [(letter[k], ", ".join(f"`{key}`" for key in k)) for k in rows_by_fitted_keys]
+    keys = [(letter[k], ", ".join(f"`{key}`" for key in dict.fromkeys(k))) for k in rows_by_fitted_keys]
     return [Table("", heads, cells, numeric=()), Table("", ("", "fitted values"), keys, numeric=())]
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from testbench.console import figure_files, report
 from testbench.console.figure_files import Picture
 from testbench.judge import judge, numbers
+from testbench.judge.number_verdict import NOT_COMPUTED
 from testbench.paper import closed_form, judge_table, page_tables, phase_laws, simulated, temperature
 from testbench.paper.calibration import calibrations
 from testbench.paper.calibration.calibrate_phases import NODES
@@ -65,11 +66,29 @@ def explain_case_nonlinearity(config, points, calibration):
     return dict(sorted(out.items()))
 
 
-def prediction_sentence(rows):
-    """What is predicted, in one sentence."""
+def _missing_numbers_sentences(rows, points):
+    """What a study did not compute, or "" if it computed everything."""
+    missing = [k for k, row in enumerate(rows) if row.basis.startswith(NOT_COMPUTED)]
+    if not missing:
+        return ""
+    closed_form_rows = judge.rows(closed_form.rounded_default())
+    judged = sum(not closed_form_rows[k].basis.startswith(NOT_COMPUTED) for k in missing)
+    cases, temps = (", ".join(f"{value:g}" for value in sorted(set(column))) for column in
+                    ([int(case) for case, _ in points], [temp for _, temp in points]))  # fmt: skip
+    free = sum(row.rule.role == "free" and not row.basis.startswith(NOT_COMPUTED) for row in rows)
+    return (
+        f"This study has only cases {cases} at {temps} degC: {len(missing)} of {len(rows)} numbers were not computed. "
+        f"`gyro report numbers` judges {judged} of these for the default board, without a simulation. Of the numbers "
+        f"that are neither inputs nor fitted, {free} were computed, and none agreed with the paper."
+    )
+
+
+def prediction_sentence(rows, points):
+    """What is predicted; if nothing is, what was not computed of a study with `points`."""
     names = dict.fromkeys(judge_table.short(row.number.quantity) for row in rows if row.verdict == "predicted")
     if not names:
-        return "No number that is neither an input nor fitted agreed with the paper."
+        sentence = "No number that is neither an input nor fitted agreed with the paper."
+        return _missing_numbers_sentences(rows, points) or sentence
     return f"These numbers are neither inputs nor fitted, and agree with the paper: {'; '.join(names)}."
 
 
@@ -153,7 +172,7 @@ def write(study, path=None):
     model = simulated.model(study.config, parts["calibration"], parts["points"], parts["records"])
     compared = judge.rows(model)
     notes = [
-        prediction_sentence(compared),
+        prediction_sentence(compared, parts["points"]),
         judge_table.sentence(compared),
         "The paper: Phase error analysis for MEMS gyroscopes operational modes based on force-to-rebalance rate "
         "measurement mode, doi:10.1038/s41378-025-01144-6. Its tables, pictures and raw data are not available. "

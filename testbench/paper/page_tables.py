@@ -18,13 +18,15 @@ from testbench.paper.loop import loop as loops
 from testbench.paper.loop import loop_parameters as loop_parts
 from testbench.paper.measure import record_phases
 
+PHASES = {"xe1": "xe1", "xe2": "xe2'", "ye1": "ye1", "ye2": "ye2'"}  # node phases, and loop phases with a prime
+
 
 def calibration_table(one):
     rows = []
     for node in NODES:
         rows.append(
             (
-                node,
+                PHASES[node],
                 f"{one['found_deg'][node]:.5f}",
                 f"{one['found_uncertainty_deg'][node]:.5f}",
                 f"{one['second_pass_deg'][node]:+.5f}",
@@ -55,14 +57,20 @@ def cases_table(one):
     return Table("Register sets (deg)", ("case", *names), rows, numeric=(1, 2, 3, 4))
 
 
-def boards_table(boards):
+def boards_table(boards, is_configured=False):
+    """Residuals over random boards, or of the configured board alone."""
     s = calibrations.summary(boards)
     rows = [
-        (node, f"{1e3 * v['largest_deg']:.2f}", f"{v['covered']}/{s['boards']}", f"{v['unchanged']}/{s['boards']}")
+        (
+            PHASES[node],
+            f"{1e3 * v['largest_deg']:.2f}",
+            f"{v['covered']}/{s['boards']}",
+            f"{v['unchanged']}/{s['boards']}",
+        )
         for node, v in s["phases"].items()
     ]
     return Table(
-        f"{s['boards']} random boards",
+        "This board" if is_configured else "1 random board" if s["boards"] == 1 else f"{s['boards']} random boards",
         (
             "phase",
             "largest residual (mdeg)",
@@ -191,7 +199,7 @@ def temperature_table(config):
     grid = temperature.phases(config, (-20.0, 25.0, 50.0))
     rows = [
         (
-            node,
+            PHASES[node],
             *(f"{v:.4f}" for v in grid[node]),
             *("more than 80" if math.isinf(k) else f"{k:g}" for k in limits[node]),
         )

@@ -11,7 +11,8 @@ Source  docs/phases.md
 """
 
 import math
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from analog_frontend import amplifier_use, ring_levels
 from analog_frontend.parts import propagator, thermal
@@ -28,6 +29,10 @@ NODES = tuple(PAPER_DEG)
 PRODUCT_AND_CODE_CLOCKS = 2
 SID_GAIN = 4 / math.pi
 USER_VALUE = "given"
+WORDS = {
+    "xe1": ("phase_drive_sine_deg", "phase_drive_ref_deg"),
+    "ye1": ("phase_sense_sine_deg", "phase_sense_ref_deg"),
+}
 
 
 class Row(NamedTuple):
@@ -87,6 +92,7 @@ class Budget(NamedTuple):
     ring: str  # where the ring diode leaves 1 %
     amplifiers: tuple = ()  # amplifier_use.Use of each
     dac_notes: tuple = ()  # (node, line) of `build.dac_notes`
+    nonzero_words: Any = MappingProxyType({})  # {node: keys of the compensation words that displace it}
 
     def node_deg(self):
         return {node: _wrap_degrees(sum(row.degrees for row in self.rows[node])) for node in self.rows}
@@ -94,6 +100,11 @@ class Budget(NamedTuple):
     def loop_deg(self):
         node = self.node_deg()
         return {name: _wrap_degrees(node[name] + sum(r.degrees for r in rows)) for name, rows in self.loop_rows.items()}
+
+
+def _nonzero_words(firmware):
+    return {node: tuple(f"firmware.{name}" for name in names if getattr(firmware, name))
+            for node, names in WORDS.items()}  # fmt: skip
 
 
 def _wrap_degrees(deg):
@@ -277,6 +288,7 @@ def budget(config, temp_degc=None, frequency_hz=None):
         _ring_note(config, temp_degc),
         _amplifiers(config, temp_degc, f),
         tuple(({"drive": "xe1", "sense": "ye1"}[channel], line) for channel, line in build.dac_notes(config)),
+        _nonzero_words(firmware),
     )
 
 

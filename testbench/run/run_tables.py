@@ -27,9 +27,11 @@ def phases(summary):
     """Measured phases beside the budget and the paper."""
     measured, budget = summary.get("phase_deg") or {}, summary.get("budget_deg", {})
     spread, published = summary.get("phase_sigma_deg") or {}, summary.get("paper_deg") or {}
+    verdict_by_node = summary.get("paper_verdict") or {}
     rows = []
     for node in NODES:
         have, want, paper = measured.get(node), budget.get(node), published.get(node)
+        is_compared = not verdict_by_node.get(node) or judged.is_compared(verdict_by_node[node])
         row = (
             node,
             NODE_TEXT[node],
@@ -38,7 +40,7 @@ def phases(summary):
             to_decimals(want, 4),
             to_decimals(None if have is None or want is None else wrap_deg(have - want), 4),
             to_decimals(paper, 4),
-            to_decimals(None if have is None or paper is None else have - paper, 4),
+            to_decimals(None if have is None or paper is None or not is_compared else have - paper, 4),
         )
         rows.append(row)
     heads = ("phase", "from .. to", "measured deg", "1 sigma", "budget deg", "difference", "paper deg", "difference")
@@ -73,6 +75,10 @@ def results_table(summary):
     return Table("Results", ("quantity", "value", "unit"), rows)
 
 
+def _verdicts(budget):
+    return judged.verdicts(budget.node_deg(), nonzero_words=budget.nonzero_words)
+
+
 def budget_node(budget, node, assumption_free_deg=None):
     """What contributes to one phase; `assumption_free_deg` is its value without assumptions about the firmware."""
     budget_entries = [(row, "") for row in budget.rows[node]]
@@ -92,18 +98,19 @@ def budget_node(budget, node, assumption_free_deg=None):
     if assumption_free_deg is not None:
         rows.append(("without re-timed references and extra frames", "", "", to_decimals(assumption_free_deg, 4), ""))
     paper = budget.paper_deg[node]
-    paper_verdict = None if paper is None else judged.verdicts(budget.node_deg())[node]
+    paper_verdict = None if paper is None else _verdicts(budget)[node]
     if paper_verdict:
         rows.append(("the paper measured (node phase)", "", "", to_decimals(paper, 4), paper_verdict["verdict"]))
     sums = tuple(k for k, (row, _) in enumerate(budget_entries) if row is None)
     title = f"{node}  {NODE_TEXT[node]}, at {budget.frequency_hz:.1f} Hz"
     note = "Entries with a text on the right are assumptions, not facts about the board."
     if paper_verdict:
-        note = (
-            "Entries with a text on the right are fitted or assumed, not facts about the paper's board. "
-            f"{paper_verdict['basis']}. "
-            f"This depends on the fitted values {', '.join(paper_verdict['rests_on'])}. {FITTED}"
-        )
+        note = "Entries with a text on the right are fitted or assumed, not facts about the paper's board. "
+        if judged.is_compared(paper_verdict):
+            keys = ", ".join(paper_verdict["rests_on"])
+            note += f"{paper_verdict['basis']}. This depends on the fitted values {keys}. {FITTED}"
+        else:
+            note += judged.sentence(node, paper_verdict)
     if any(row.is_user_value for row, _ in budget_entries if row):
         note += ' "given" marks a value that your configuration changes.'
     note = " ".join((note, *(f"{line}." for dac_node, line in budget.dac_notes if dac_node == node)))
@@ -136,7 +143,7 @@ def budget_json(budget, plain=None):
         "phase_deg": budget.node_deg(),
         "loop_phase_deg": budget.loop_deg(),
         "paper_deg": dict(budget.paper_deg),
-        "paper_verdict": judged.verdicts(budget.node_deg()) if any(budget.paper_deg.values()) else None,
+        "paper_verdict": _verdicts(budget) if any(budget.paper_deg.values()) else None,
         **({"without_assumptions_deg": plain.node_deg()} if plain else {}),
         "ring": budget.ring,
         "dac_notes": [line for _, line in budget.dac_notes],

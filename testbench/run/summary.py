@@ -61,7 +61,7 @@ def build_run_result(job, end, reading, wall_s):
         "loop_phase_deg": None if node_readings is None else _loop_phases(node_readings.phase_deg, planned),
         "budget_loop_deg": planned.loop_deg(),
         "paper_deg": dict(planned.paper_deg),
-        "paper_verdict": None if node_readings is None else _verdicts(config, node_readings),
+        "paper_verdict": None if node_readings is None else _verdicts(config, node_readings, planned),
         "amplifier_use": [u._asdict() for u in planned.amplifiers],
         "rate_lsb_per_dps": None if reading is None else reading.lsb_per_dps,
         "rate_word_mean_lsb": tally.mean("rate_word"),
@@ -106,9 +106,11 @@ def _readout_terms_deg(config, node_readings, temp_degc, clock_s):
     return added
 
 
-def _verdicts(config, node):
+def _verdicts(config, node, planned):
     """{node: verdict of the judge}; None for each node of another board."""
-    return phases.verdicts(node.phase_deg, node.sigma_deg) if config.is_paper_board else dict.fromkeys(phases.NODES)
+    if not config.is_paper_board:
+        return dict.fromkeys(phases.NODES)
+    return phases.verdicts(node.phase_deg, node.sigma_deg, planned.nonzero_words)
 
 
 def _loop_phases(readings, planned):
@@ -143,7 +145,8 @@ def notes(config, summary, planned):
     measured = summary["phase_deg"]
     paper_verdict = summary.get("paper_verdict") if config.is_paper_board else None
     if paper_verdict:
-        gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in budget.PAPER_DEG.items()}
+        compared_deg = {k: v for k, v in budget.PAPER_DEG.items() if phases.is_compared(paper_verdict[k])}
+        gap = {k: (measured[k] - v) / 360.0 / planned.frequency_hz * 1e9 for k, v in compared_deg.items()}
         sentences += phases.sentences(paper_verdict)
         sentences.append("Measured minus paper: " + ", ".join(f"{k} {ns:+.0f} ns" for k, ns in gap.items()) + ".")
         sentences.append(f"{FITTED} See docs/phases.md.")

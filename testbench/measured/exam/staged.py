@@ -300,7 +300,8 @@ def summary(problem, first, rounds, last, fit, superseded=()):
     else:
         unsure = any(r.rivals for r in accepted[:1]) or any(" or " in e["port"] for e in effects)
         verdict = "candidate" if not problem.heldout_independent else "confounded" if unsure else "named"
-    words = f"{len(accepted)} law(s): {', '.join(r.law for r in accepted)}; " if accepted else ""
+    count = "1 law" if len(accepted) == 1 else f"{len(accepted)} laws"
+    words = f"{count}: {', '.join(r.law for r in accepted)}; " if accepted else ""
     return plain_value(
         {
             "problem": problem.name,

@@ -11,7 +11,7 @@ from testbench.config import Config
 from testbench.judge import judge, numbers
 from testbench.judge.number_verdict import NOT_COMPARABLE, NOT_COMPUTED, ROLES, VERDICTS, Value
 from testbench.measured.parts import paper
-from testbench.paper import closed_form, judge_table, simulated
+from testbench.paper import closed_form, judge_table, page, page_tables, simulated
 from testbench.paper.calibration.calibrate_phases import FACTOR, NODES
 from testbench.run.budget import budget
 
@@ -116,19 +116,52 @@ def test_a_study_of_two_cases_has_no_mean():
     assert mean.basis.startswith("not computed here")
 
 
+def test_a_small_study_says_what_it_did_not_compute():
+    calibration, found = study_of(closed_form.default())
+    small = {key: value for key, value in found.items() if key in (("1", 25.0), ("5", 25.0))}
+    rows = judge.rows(simulated.model(Config(), calibration, small, {}))
+    missing = {r.number for r in rows if r.basis.startswith(NOT_COMPUTED)}
+    without = [
+        r for r in judge.rows(closed_form.default()) if r.number in missing and not r.basis.startswith(NOT_COMPUTED)
+    ]
+    sentence = page.prediction_sentence(rows, small)
+    assert f"only cases 1, 5 at 25 degC: {len(missing)} of {len(rows)} numbers were not computed" in sentence
+    assert f"`gyro report numbers` judges {len(without)} of these" in sentence
+    assert "neither inputs nor fitted, 3 were computed, and none agreed" in sentence
+
+
+def test_a_whole_study_names_what_is_predicted(rows):
+    points = closed_form.default().points
+    assert "relative deviation rate of scale factor" in page.prediction_sentence(rows, points)
+    computed = [r for r in rows if not r.basis.startswith(NOT_COMPUTED) and r.verdict != "predicted"]
+    assert page.prediction_sentence(computed, points).startswith("No number that is neither an input nor fitted agreed")
+
+
+def test_tables_of_a_calibration_name_loop_phases_with_a_prime():
+    """xe2 and ye2 of a calibration are loop phases; one board without a seed is the configured one."""
+    values = dict.fromkeys(NODES, 0.0)
+    names = ("residual", "uncertainty", "found", "found_uncertainty", "second_pass", "second_pass_uncertainty")
+    one = {f"{name}_deg": values for name in names} | {"covered": values, "seen": {}}
+    tables = page_tables.calibration_table(one), page_tables.boards_table([one], True)
+    assert all([row[0] for row in table.rows] == ["xe1", "xe2'", "ye1", "ye2'"] for table in tables)
+    titles = [page_tables.boards_table([one] * n, is_configured).title for n, is_configured in ((1, True), (1, False))]
+    assert titles == ["This board", "1 random board"]
+    assert page_tables.boards_table([one] * 2).title == "2 random boards"
+
+
 def test_the_document_says_what_uncertainties_are_assumed():
-    page = (ROOT / "docs" / "paper.md").read_text()
-    assert f"1e-5 of A_d is {numbers.method_deg('phi_xe2'):.2f} deg" in page
+    text = (ROOT / "docs" / "paper.md").read_text()
+    assert f"1e-5 of A_d is {numbers.method_deg('phi_xe2'):.2f} deg" in text
     share = numbers.relative_repeatability(numbers.numbers(), "BI", 25.0)
-    assert f"{100 * share:.0f} % of a case at 100 s in an assumed record of one hour" in page
+    assert f"{100 * share:.0f} % of a case at 100 s in an assumed record of one hour" in text
 
 
 def test_document_trace_and_judge_have_the_same_rows(rows):
     """Role and verdict of each line of the page are those of the trace, in order."""
-    page = pages.judged_part()
-    lines = [line.split("|") for line in page.splitlines() if line.count("|") > 8][2:]
+    text = pages.judged_part()
+    lines = [line.split("|") for line in text.splitlines() if line.count("|") > 8][2:]
     written = [tuple(cell.strip() for cell in line if cell.strip() in (*ROLES, *VERDICTS)) for line in lines]
     data, _ = paper.report([numbers.PATHS[0]], {})
     assert len(written) == len(data["questions"])
     assert written == [(q["role"], q["verdict"]) for q in data["questions"]]
-    assert judge_table.sentence(rows) in page
+    assert judge_table.sentence(rows) in text

@@ -6,13 +6,16 @@ from pathlib import Path
 import pytest
 
 from testbench.config import Config, changed
-from testbench.judge import numbers
+from testbench.judge import judge, numbers
+from testbench.judge.judge import phase_rows
+from testbench.judge.number_verdict import CONTRADICTED, FITTED, PREDICTED, Value
 from testbench.paper import closed_form
 from testbench.paper.loop import advisor, derived, loop_parameters
 from testbench.paper.loop import loop as loops
 from testbench.run.budget import PAPER_DEG, budget
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "why_ye1.md"
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+PAGE = DOCS / "why_ye1.md"
 STEPS = {"xe1": ("1", "2"), "xe2": ("2", "3"), "ye1": ("3", "4"), "ye2": ("4", "5")}
 QUANTITIES = {
     "scale factor": "scale_lsb_per_dps", "V_q at rest": "quadrature_v", "bias (deg/s)": "bias_dps",
@@ -22,8 +25,8 @@ SYMBOLS = {"scale factor": "SF", "V_q at rest": "Vq", "bias (deg/s)": "bias"}
 COMPENSATED = {"firmware.phase_sense_sine_deg": 9.2324}
 
 
-def page():
-    return " ".join(PAGE.read_text().split())
+def page(name=PAGE.name):
+    return " ".join((DOCS / name).read_text().split())
 
 
 def row(name):
@@ -38,11 +41,15 @@ def relative_change(name, node, temp_degc=25.0):
     return abs(after - before) / abs(before)
 
 
-def printed_change(name, pair):
-    """{degC: what the paper prints}."""
+def printed_numbers(name, pair):
+    """[Number, ...] of a change between two cases, cold, room and warm."""
     rows = [n for n in numbers.numbers() if n.quantity.startswith("relative deviation rate of")]
-    found = [n for n in rows if n.symbol == SYMBOLS[name] and n.case == f"case {pair[0]} vs case {pair[1]}"]
-    return [n.values[0] for n in found]
+    return [n for n in rows if n.symbol == SYMBOLS[name] and n.case == f"case {pair[0]} vs case {pair[1]}"]
+
+
+def printed_change(name, pair):
+    """[what the paper prints, ...], cold, room and warm."""
+    return [n.values[0] for n in printed_numbers(name, pair)]
 
 
 def rest(rate_dps, values=None):
@@ -66,6 +73,19 @@ def test_the_four_phases():
     assert f"{planned.node_deg()['ye1']:.4f} deg are {ns:.0f} ns" in page()
     switch_deg = planned.node_deg()["ye2"] - planned.loop_deg()["ye2"]
     assert f"the delay of its switch ({switch_deg:.4f} deg)" in page()
+
+
+def test_the_forward_phases_at_the_demodulator():
+    """Loop phases in place of node phases: ye2 is contradicted, too; what the pages say of it."""
+    found = phase_rows({node: Value(deg) for node, deg in budget(Config()).loop_deg().items()})
+    xe2, ye2 = found["xe2"].part, found["ye2"].part
+    assert (found["xe2"].verdict, found["ye2"].verdict) == (FITTED, CONTRADICTED)
+    sigmas = f"{xe2.pull:.1f} sigma", f"{ye2.pull:.0f} sigma"
+    assert f"{xe2.model.value:.3f} deg ({sigmas[0]}) and {ye2.model.value:.3f} deg ({sigmas[1]})" in page()
+    assert f"xe2' = {xe2.model.value:.3f} deg ({sigmas[0]}) and ye2' = {ye2.model.value:.3f} deg ({sigmas[1]})" in page(
+        "phases.md"
+    )
+    assert f"the model is {-ye2.pull:.0f} sigma lower" in page("limits.md")
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
@@ -92,6 +112,8 @@ def test_the_scale_factor_goes_with_the_cosine():
     own = 100 * (1 - math.cos(math.radians(PAPER_DEG["ye1"])))
     cold, room, warm = (100 * value for value in printed_change("scale factor", ("3", "4")))
     assert f"gives {own:.2f} %; it prints {cold:.2f}, {room:.2f} and {warm:.2f} %" in page()
+    sigmas = ", ".join(f"{100 * n.sigma:.2f}" for n in printed_numbers("scale factor", ("3", "4")))
+    assert f"with a sigma of {' and '.join(sigmas.rsplit(', ', 1))} %" in page()
 
 
 @pytest.mark.parametrize("rate_dps", [100.0, 300.0])
@@ -110,6 +132,17 @@ def test_quadrature_voltages_of_the_page():
     (_, zero, psi, _, bias), (_, turning, *_), (_, compensated, *_) = rest(0), rest(300), rest(300, COMPENSATED)
     assert f"tan(psi) = {100 * math.tan(psi):.0f} % of the rate" in page()
     assert f"falls from {zero:.2f} V to {turning:.2f} V. With ye1 compensated it falls to {compensated:.2f} V" in page()
+    p = loop_parameters.loop_parameters(Config())
+    null_v2 = p.kxy_n_per_m * p.quad_span_v**2 / p.u_full_n_per_m
+    assert f"and {zero:.2f} V instead of {math.sqrt(null_v2):.2f} V for V_q at rest" in page()
+    ceiling_v = Config().firmware.quadrature_ceiling_v
+    ceiling_dps = (zero**2 - ceiling_v**2) / null_v2 * 100 / math.tan(psi)
+    assert rest(ceiling_dps)[1] == pytest.approx(ceiling_v, abs=1e-4)
+    assert f"Uncompensated, at {ceiling_dps:.0f} deg/s it reaches its ceiling of {ceiling_v:g} V" in page()
+    kxy = p.kxy_n_per_m * (1 + (ceiling_v**2 - zero**2) / null_v2)
+    assert rest(0, {"plant.kxy_n_per_m": kxy})[1] == pytest.approx(ceiling_v, abs=1e-3)
+    assert f"its ceiling of {ceiling_v:g} V beyond {ceiling_dps:.0f} deg/s" in page("limits.md")
+    assert f"at rest it does so with k_xy above {kxy:.3f} N/m" in page("limits.md")
     for values in ({}, COMPENSATED):
         assert f"V_q near {rest(100, values)[1]:.2f} V" in page()
     ye1 = math.radians(budget(Config()).node_deg()["ye1"])
@@ -124,6 +157,16 @@ def test_the_bias_does_not_depend_on_ye1():
     for temp_degc in (-20.0, 25.0, 50.0):
         assert relative_change("bias (deg/s)", "ye1", temp_degc) < 1e-6
         assert relative_change("bias (deg/s)", "xe2", temp_degc) > 0.01
+    p = loop_parameters.loop_parameters(Config())
+    parts = derived.bias_parts_dps(p, loops.close(p))
+    points = closed_form.default().points
+    model_dps = sum(points[(case, 25.0)]["bias_dps"].value for case in "123") / 3
+    (paper,) = (n for n in numbers.numbers() if n.symbol == "bias" and n.case == numbers.MEAN and n.temp_degc == 25.0)
+    charge_dps = parts["sine"] + parts["cosine"]
+    assert (
+        f"{model_dps:+.2f} deg/s in the model, of which {charge_dps:.2f} are charge injection, "
+        f"and {paper.values[0]:.2f} deg/s in the paper" in page()
+    )
     printed = printed_change("bias (deg/s)", ("3", "4"))
     assert f"The paper prints {', '.join(f'{100 * value:.0f}' for value in printed[:2])} and" in page()
     assert f"and {100 * printed[2]:.0f} % for ye1" in page()
@@ -138,5 +181,46 @@ def test_what_the_commands_print():
     ]
     assert f"scale factor {scale:.1f} LSB/(deg/s), bias {bias:.4f} deg/s, bandwidth {bandwidths[0]:.1f} Hz" in page()
     assert f"{turned:.1f} LSB/(deg/s), the same bias, {bandwidths[1]:.1f} Hz" in page()
+    case_3, case_4 = (closed_form.default().points[(case, 25.0)]["scale_lsb_per_dps"].value for case in "34")
+    assert f"{case_3:.1f} and {case_4:.1f} LSB/(deg/s)" in page()
+    ye1, xe2 = math.radians(budget(Config()).node_deg()["ye1"]), math.radians(budget(Config()).loop_deg()["xe2"])
+    alone, steps = 1 - turned / scale, 1 - case_4 / case_3
+    assert alone == pytest.approx(1 - math.cos(ye1 + xe2) / math.cos(xe2), rel=1e-4)
+    assert f"changes the scale factor by {100 * alone:.2f} %" in page()
+    assert f"without xe2', it is {100 * steps:.2f} %" in page()
     more = budget(Config()).node_deg()["ye1"] - PAPER_DEG["ye1"]
     assert f"{more:.2f} deg more" in page()
+
+
+def test_what_the_predicted_rows_are():
+    """docs/paper.md: changes of about one sigma, bounds, and three changes of the scale factor by a fitted ye1."""
+    predicted = [r for r in judge.rows(closed_form.default()) if r.verdict == PREDICTED]
+    bounds = [r for r in predicted if r.number.bound]
+    small = [r for r in predicted if r.number.case == "case 4 vs case 5" and not r.number.bound]
+    scale = [r for r in predicted if r.number.case == "case 3 vs case 4"]
+    assert (len(small), len(bounds), len(scale), len(predicted)) == (9, 3, 3, 15)
+    assert {r.number.symbol for r in scale} == {"SF"}
+    sigmas = sorted(r.number.values[0] / r.number.sigma for r in small)
+    assert f"whose printed value is {sigmas[0]:.1f} to {sigmas[-1]:.1f} sigma" in page("paper.md")
+    assert f"the {len(predicted)} predicted rows" in page("paper.md")
+
+
+def test_fitted_values_that_are_not_met():
+    """docs/paper.md: without 1/cos and offsets the three would be the paper's, within their size."""
+    room = [
+        r for r in judge.rows(closed_form.default()) if r.number.case == numbers.MEAN and r.number.temp_degc == 25.0
+    ]
+    scale, volts, bias = (next(r for r in room if r.number.symbol == symbol) for symbol in ("SF", "Vq", "bias"))
+    assert {(r.rule.role, r.verdict) for r in (scale, volts, bias)} == {("fitted", CONTRADICTED)}
+    assert bias.part.model.value > 0 > bias.number.values[0]
+    assert f"scale factor ({scale.part.pull:+.1f} sigma), V_q ({volts.part.pull:+.1f} sigma)" in page("paper.md")
+    p = loop_parameters.loop_parameters(Config())
+    loop = loops.close(p)
+    aligned = closed_form.default().points[("5", 25.0)]["scale_lsb_per_dps"].value
+    null_v = math.sqrt(p.kxy_n_per_m / p.u_full_n_per_m) * p.quad_span_v
+    damping_dps = derived.bias_parts_dps(p, loop)["damping"]
+    printed = [r.number.text for r in (scale, volts, bias)]
+    assert (
+        f"{aligned:.0f} LSB/(deg/s), {null_v:.2f} V and {damping_dps:.2f} deg/s; "
+        f"the paper prints {printed[0]}, {printed[1]} and {printed[2]}" in page("paper.md")
+    )

@@ -3,7 +3,8 @@
 import re
 from typing import NamedTuple
 
-from fpga_model import registers
+from testbench.commands.reference_tables import register_table
+from testbench.console.markdown import markdown
 
 # Registers of the port of a host, written by hand; a test compares them with host_bus.MAP
 PORT = """
@@ -58,7 +59,7 @@ class Part(NamedTuple):
 def rows():
     """Every `Row` of the text."""
     found = []
-    for index, name, s, i, f, reset, access, unit, text in ROW.findall(registers.table_markdown() + PORT):
+    for index, name, s, i, f, reset, access, unit, text in ROW.findall(markdown(register_table()) + PORT):
         known = None if reset == "-" else int(reset, 16)
         found.append(Row(int(index, 16), name, int(s), int(s) + int(i) + int(f), int(f), known, access, unit, text))
     assert len(found) == 36

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbench.errors import ConfigError
-from testbench.run import budget, run_tables
+from testbench.judge import phases
+from testbench.run import budget, run_tables, summary
 from tests.testbench.bench_setup import configured, quiet
 
 F = 11002.3
@@ -74,6 +75,45 @@ def test_compensation_words_move_the_phase_they_are_for(sine_deg, ref_deg):
     moved = got["ye1"] - base["ye1"] - (ref_deg - sine_deg)
     assert (moved + 180) % 360 - 180 == pytest.approx(0.0, abs=1e-9)  # a phase is within half a turn
     assert got["xe1"] == base["xe1"]
+
+
+@pytest.mark.parametrize(
+    ("word", "displaced"),
+    [("drive_sine", "xe1"), ("drive_ref", "xe1"), ("sense_sine", "ye1"), ("sense_ref", "ye1")],
+)
+def test_a_displaced_phase_is_not_compared_with_the_paper(word, displaced):
+    """The node that a compensation word moves; the verdicts of the other three are as without it."""
+    config, key = configured(**{f"firmware__phase_{word}_deg": 1.0}), f"firmware.phase_{word}_deg"
+    base, planned = budget.budget(configured()), budget.budget(config)
+    assert [n for n, deg in planned.node_deg().items() if deg != base.node_deg()[n]] == [displaced]
+    found, plain = (run_tables.budget_json(b)["paper_verdict"] for b in (planned, base))
+    assert found.pop(displaced) == {"verdict": "not comparable", "basis": f"{key} is set", "rests_on": []}
+    del plain[displaced]
+    assert found == plain
+    table = next(t for t in run_tables.budget_tables(planned) if t.title.startswith(displaced))
+    sentence = f"{displaced} is not compared with the paper: {key} is set."
+    assert sentence in table.note
+    assert table.rows[-1][-1] == "not comparable"
+    # a run
+    said = {
+        "locked": True,
+        "phase_deg": planned.node_deg(),
+        "paper_deg": budget.PAPER_DEG,
+        "paper_verdict": phases.verdicts(planned.node_deg(), nonzero_words=planned.nonzero_words),
+    }
+    notes = summary.notes(config, said, planned)
+    assert sentence in notes
+    assert any(note.startswith("These three verdicts depend on") for note in notes)
+    (gaps,) = (note for note in notes if note.startswith("Measured minus paper"))
+    assert displaced not in gaps
+    differences = {row[0]: row[-1] for row in run_tables.phases(said).rows}
+    assert [n for n, cell in differences.items() if cell == "-"] == [displaced]
+
+
+def test_two_words_of_a_phase_are_both_named():
+    planned = budget.budget(configured(firmware__phase_sense_sine_deg=9.0, firmware__phase_sense_ref_deg=-1.0))
+    basis = run_tables.budget_json(planned)["paper_verdict"]["ye1"]["basis"]
+    assert basis == "firmware.phase_sense_sine_deg and firmware.phase_sense_ref_deg are set"
 
 
 def test_loop_phase_is_less_the_switch():

@@ -111,8 +111,10 @@ def test_outside_its_range_the_quadrature_loop_rails_and_says_so(kxy):
     assert np.all(c["lock"][-4000:] & 0b0111 == 0b0111), simulate_state(sim)
 
 
-def test_rates_of_500_deg_per_s_never_drop_lock():
-    checked = configured()
+@pytest.mark.parametrize("kxy", [0.012, 0.0561, 0.07, 0.08])
+def test_rates_of_500_deg_per_s_never_drop_lock(kxy):
+    """Also with couplings of which V_q reaches a limit at such rates."""
+    checked = configured(plant__kxy_n_per_m=kxy)
     sim = simulate.Simulation(checked, 25.0, 25.0)
     assert simulate.start(checked, sim, 0.0, 25.0) is not None
     for rate_dps in (300.0, 0.0, -300.0, 500.0, -500.0):
