@@ -42,6 +42,10 @@ RECORD = ROOT / "tests" / "data" / "written_by_0.1.0" / "gyrorec.h5"
 COMMANDS = (
     ("--version",),
     ("budget",),
+    ("config", "--keys", "--faults", "--targets", "--effects", "--columns"),
+    ("golden", "ports", "dds"),
+    ("registers",),
+    ("report", "numbers"),
     ("loop",),
     ("golden", "export", "cordic", "--out", "golden"),
     ("golden", "verify", "--recompute", "golden/cordic/default"),
