@@ -83,14 +83,11 @@ def constructor(node):
 
 
 def call(name, node):
-    """`name(arguments)`, one argument to a line where they are too many for one."""
-    every = [part for part in ast.unparse(node.args).split(", ") if part not in ("self", "cls")]
-    text = f"{name}({', '.join(every)})"
-    return (
-        text
-        if len(text) <= WIDTH
-        else f"{name}(\n    {ast.unparse(node.args).removeprefix('self, ')}\n)".replace(", ", ",\n    ")
-    )
+    """`name(arguments)` without self, one argument to a line where they are too many for one."""
+    arguments = re.sub(r"^(self|cls)(, |$)", "", ast.unparse(node.args))
+    if len(name) + len(arguments) <= WIDTH:
+        return f"{name}({arguments})"
+    return f"{name}(\n    {arguments.replace(', ', f',{chr(10)}    ')}\n)"
 
 
 def signature(node, lines, owner=""):
